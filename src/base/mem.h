@@ -1,0 +1,42 @@
+/*
+ * mem: all of whittle's memory, counted against one account.
+ *
+ * Blocks of 128 KiB and more come straight from the system, so that freeing them gives them
+ * back and peak RSS can be predicted; smaller ones come from the C library. Every block is
+ * aligned to 64 bytes. Sizes are checked for overflow. Thread-safe.
+ */
+#ifndef WH_BASE_MEM_H
+#define WH_BASE_MEM_H
+
+#include "base/status.h"
+
+#include <stdatomic.h>
+
+typedef struct wh_mem {
+	_Atomic size_t used;       /* bytes held now */
+	_Atomic size_t peak;       /* most bytes held at any time */
+	size_t limit;              /* refuse to hold more than this; 0 = no limit */
+	_Atomic long fail_after;   /* tests: when > 0, counts down; the request that reaches 0 fails */
+} wh_mem;
+
+/* count * size bytes, uninitialised. NULL, with the failure recorded, when refused or
+ * overflowing. A request of 0 bytes gives a valid block. */
+void *wh_alloc(wh_ctx *c, size_t count, size_t size);
+
+/* The same, filled with zeros. */
+void *wh_calloc(wh_ctx *c, size_t count, size_t size);
+
+/* Grows or shrinks a block (NULL: a new one). On failure NULL, and the old block stays valid. */
+void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size);
+
+/* Frees a block of wh_alloc and friends; NULL is allowed. */
+void wh_free(wh_ctx *c, void *block);
+
+/* Makes room for at least `need` elements in a growing array: doubles *cap when it is too small.
+ * Returns WH_OK or the recorded failure; the array stays valid either way. */
+wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size);
+
+/* A copy of a string. NULL, failure recorded, when refused. */
+char *wh_strdup(wh_ctx *c, const char *s);
+
+#endif

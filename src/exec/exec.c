@@ -1,0 +1,105 @@
+/* OpenMP appears in this file alone. Without it the pragmas vanish and the loops are serial. */
+#define _GNU_SOURCE
+#include "exec/exec.h"
+
+#include <sched.h>
+#include <stdatomic.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+int wh_exec_threads(int asked)
+{
+	if (asked > 0)
+		return asked;
+	cpu_set_t set;
+	if (sched_getaffinity(0, sizeof set, &set) != 0)
+		return 1;
+	const int n = CPU_COUNT(&set);
+	return n > 0 ? n : 1;
+}
+
+/* The failure of the lowest index; jobs above it need not run. */
+typedef struct outcome {
+	_Atomic int64_t first_failed; /* index, INT64_MAX while there is none */
+	wh_error err;                 /* guarded by the critical section below */
+	int64_t err_index;
+} outcome;
+
+static void note_failure(outcome *o, int64_t index, wh_code code, const wh_error *err)
+{
+#ifdef _OPENMP
+#pragma omp critical(wh_exec_outcome)
+#endif
+	{
+		if (index < o->err_index) {
+			o->err_index = index;
+			o->err = *err;
+			o->err.code = code;
+			atomic_store(&o->first_failed, index);
+		}
+	}
+}
+
+static void run_one(const wh_ctx *parent, outcome *o, wh_job job, void *arg, int64_t index,
+                    int worker)
+{
+	if (index > atomic_load(&o->first_failed))
+		return;
+	wh_ctx own = wh_ctx_fork(parent);
+	wh_code code = wh_poll(&own);
+	if (code == WH_OK)
+		code = job(&own, arg, index, worker);
+	if (code != WH_OK)
+		note_failure(o, index, code, &own.err);
+}
+
+static int worker_number(void)
+{
+#ifdef _OPENMP
+	return omp_get_thread_num();
+#else
+	return 0;
+#endif
+}
+
+static wh_code settle(wh_ctx *c, const outcome *o)
+{
+	if (o->err_index == INT64_MAX)
+		return WH_OK;
+	if (o->err.code == WH_E_IRREGULAR)
+		return WH_E_IRREGULAR; /* an internal signal, not a failure to report */
+	return wh_fail(c, o->err.code, "%s", o->err.text);
+}
+
+wh_code wh_exec_for(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, void *arg)
+{
+	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
+#ifdef _OPENMP
+#pragma omp parallel for schedule(dynamic, 1) num_threads(ex->workers) if (ex->workers > 1 && n > 1)
+#endif
+	for (int64_t i = 0; i < n; i++)
+		run_one(c, &o, job, arg, i, worker_number());
+	(void)ex;
+	return settle(c, &o);
+}
+
+wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_job commit,
+                        void *arg)
+{
+	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
+#ifdef _OPENMP
+#pragma omp parallel for ordered schedule(dynamic, 1) num_threads(ex->workers) \
+    if (ex->workers > 1 && n > 1)
+#endif
+	for (int64_t i = 0; i < n; i++) {
+		run_one(c, &o, job, arg, i, worker_number());
+#ifdef _OPENMP
+#pragma omp ordered
+#endif
+		run_one(c, &o, commit, arg, i, worker_number());
+	}
+	(void)ex;
+	return settle(c, &o);
+}

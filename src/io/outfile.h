@@ -1,0 +1,40 @@
+/*
+ * outfile: an output that appears under its name only when it is whole.
+ *
+ * Bytes go to a temporary file in the target's own folder; commit flushes it and the folder and
+ * renames it. Symbolic links are resolved first, so that the link stays and its target is
+ * replaced. A target that exists and is not a regular file (/dev/null, /dev/full, a pipe) is
+ * written directly, and "-" is standard output. Buffered; counts and checksums (XXH3, 128 bits)
+ * what passes through. Not thread-safe.
+ */
+#ifndef WH_IO_OUTFILE_H
+#define WH_IO_OUTFILE_H
+
+#include "base/mem.h"
+
+typedef struct wh_outfile wh_outfile;
+
+/* WH_E_USAGE when the target exists and force is false; WH_E_RUN for anything the system
+ * refuses, naming the path and what would help. */
+wh_code wh_outfile_open(wh_ctx *c, wh_outfile **o, const char *path, bool force);
+
+/* Appends n bytes. A full disk or any other failure is recorded once, with the file's name. */
+wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n);
+
+/* Space for n <= 64 KiB bytes inside the buffer: fill them, then wh_outfile_advance(o, used).
+ * NULL on failure. */
+void *wh_outfile_room(wh_ctx *c, wh_outfile *o, size_t n);
+void wh_outfile_advance(wh_outfile *o, size_t used);
+
+/* Flushes, checks, renames, frees. On failure nothing appears under the name. *o becomes NULL. */
+wh_code wh_outfile_commit(wh_ctx *c, wh_outfile **o);
+
+/* Gives up: removes the temporary file, frees. NULL allowed; errors are ignored. */
+void wh_outfile_abort(wh_ctx *c, wh_outfile **o);
+
+uint64_t wh_outfile_bytes(const wh_outfile *o);
+
+/* 32 hexadecimal digits and a NUL of the bytes so far; valid before commit. */
+void wh_outfile_checksum(const wh_outfile *o, char hex[33]);
+
+#endif

@@ -1,0 +1,143 @@
+/*
+ * ply: headers, bodies and output of PLY files (Greg Turk's format, and the dialects in use).
+ *
+ * A file is first opened (wh_ply_open: header parsed, nothing else read). Its body is then seen
+ * as a wh_source: positions and triangles at fixed strides in some file. A binary file of
+ * triangles is such a source as it stands; anything else (text, polygons, strips, lists inside
+ * vertices) is first rewritten into a temporary file of that form (pipeline/normalise).
+ * Counts are 64-bit. No count is believed before the file's size can hold it.
+ */
+#ifndef WH_IO_PLY_H
+#define WH_IO_PLY_H
+
+#include "base/mem.h"
+
+typedef enum wh_type {
+	WH_I8,
+	WH_U8,
+	WH_I16,
+	WH_U16,
+	WH_I32,
+	WH_U32,
+	WH_I64, /* not standard PLY, but written by some programs (int64, long) */
+	WH_U64,
+	WH_F32,
+	WH_F64
+} wh_type;
+
+/* Bytes of a scalar of this type. */
+static inline uint32_t wh_type_size(wh_type t)
+{
+	static const uint8_t size[] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+	return size[t];
+}
+
+typedef struct wh_ply_prop {
+	char *name;
+	wh_type type;       /* of the scalar, or of the list's items */
+	bool is_list;
+	wh_type count_type; /* lists only; an integer type */
+} wh_ply_prop;
+
+typedef struct wh_ply_elem {
+	char *name;
+	uint64_t count;
+	wh_ply_prop *props;
+	size_t nprops;
+	uint64_t stride; /* bytes of one binary item; 0 when it holds a list */
+} wh_ply_elem;
+
+typedef enum wh_ply_format { WH_PLY_ASCII, WH_PLY_LE, WH_PLY_BE } wh_ply_format;
+
+typedef struct wh_ply {
+	char *path;
+	int fd;            /* open for reading; owned */
+	uint64_t size;     /* bytes of the file */
+	uint64_t body;     /* byte offset of the first body byte */
+	wh_ply_format format;
+	wh_ply_elem *elems;
+	size_t nelems;
+	size_t header_lines;
+	/* what whittle works on; -1 where the file has none */
+	int vertex;        /* element with x, y, z */
+	int face;          /* element with a list of corner indices */
+	int strips;        /* element with triangle strips */
+	int x, y, z;       /* properties of vertex */
+	int corners;       /* list property of face (vertex_indices, vertex_index, ...) */
+	int strip_list;    /* list property of strips */
+} wh_ply;
+
+/*
+ * Opens `path` and parses the header. WH_E_INPUT for a directory, a damaged header, or counts
+ * that the file's size cannot hold; WH_E_RUN when it cannot be opened or read. The message
+ * names the file and the header line. On failure *p is empty. Close with wh_ply_close.
+ */
+wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path);
+void wh_ply_close(wh_ctx *c, wh_ply *p);
+
+/* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
+typedef struct wh_source {
+	const char *path;      /* of the user's file, for messages */
+	uint64_t nv, nf;       /* vertices, triangles */
+	int vfd;               /* positions: */
+	uint64_t vbase;        /*   byte offset of vertex 0 */
+	uint32_t vstride;      /*   bytes from one vertex to the next */
+	uint32_t voff[3];      /*   x, y, z within a vertex */
+	wh_type vtype[3];
+	bool vswap;
+	bool is_double;        /* positions have more than float precision: write doubles */
+	int ffd;               /* triangles: */
+	uint64_t fbase;
+	uint32_t fstride;
+	int64_t count_off;     /*   corner count within a face; -1: none stored, always 3 */
+	wh_type count_type;
+	uint32_t ioff;         /*   first of the three indices within a face */
+	wh_type itype;
+	bool fswap;
+} wh_source;
+
+/*
+ * True when the binary body of p can be a source as it stands: fixed-size vertices, and faces
+ * that are the right size for triangles only (the counts themselves are verified on reading).
+ */
+bool wh_ply_direct(const wh_ply *p, wh_source *out);
+
+/* Bytes of scratch that reading n vertices or n triangles at once needs. */
+size_t wh_source_vertex_bytes(const wh_source *s, size_t n);
+size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
+
+/*
+ * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or a
+ * coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
+ */
+wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
+                           void *scratch);
+
+/*
+ * Reads triangles first .. first+n-1 into ids (3n indices, all < s->nv). WH_E_INPUT for a
+ * truncated body or an index out of range (names the face and the index). WH_E_IRREGULAR, with
+ * nothing recorded, when a stored corner count is not 3.
+ */
+wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, uint64_t *ids,
+                            void *scratch);
+
+/* How a mesh is written. */
+typedef struct wh_ply_style {
+	bool ascii;     /* text instead of binary little endian */
+	bool is_double; /* positions as double instead of float */
+} wh_ply_style;
+
+struct wh_outfile;
+
+/* Writes the header: vertices with x, y, z; faces with vertex_indices (list uchar int, or uint
+ * from 2^31 vertices on; WH_E_USAGE from 2^32 on). */
+wh_code wh_ply_write_header(wh_ctx *c, struct wh_outfile *o, wh_ply_style style, uint64_t nv,
+                            uint64_t nf);
+/* Appends n vertices (3n doubles); all vertices come before all faces. */
+wh_code wh_ply_write_vertices(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
+                              const double *xyz, size_t n);
+/* Appends n triangles (3n indices). */
+wh_code wh_ply_write_triangles(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
+                               const uint32_t *ids, size_t n);
+
+#endif

@@ -1,0 +1,44 @@
+/*
+ * normalise: any PLY body becomes a wh_source, positions and triangles at fixed strides.
+ *
+ * Binary files of triangles are used in place. Text is parsed in parallel by chunks of lines,
+ * with a serial token reader behind it for bodies that do not keep one element to a line.
+ * Polygons are triangulated by a rule from corner positions and ids alone, strips unrolled.
+ */
+#ifndef WH_PIPELINE_NORMALISE_H
+#define WH_PIPELINE_NORMALISE_H
+
+#include "exec/exec.h"
+#include "io/ply.h"
+#include "io/spill.h"
+#include "mesh/mesh.h"
+
+typedef struct wh_input {
+	wh_ply ply;
+	wh_source source;    /* refers to ply or to the temporary file below */
+	int temp_fd;         /* rewritten body, or -1 when the file is used in place */
+	uint64_t polygons;   /* faces with more than three corners */
+	uint64_t degenerate; /* faces with fewer than three different corners, dropped (see below) */
+} wh_input;
+
+/*
+ * Opens the file and makes its source. `spill` is where a rewritten body goes. Files without a
+ * vertex element, without faces or with zero faces are WH_E_INPUT ("nothing to reduce").
+ * force_rewrite: do not use the body in place (the fast path met a corner count other than 3).
+ * A rewritten body leaves out degenerate triangles and counts them; one used in place may hold
+ * triangles with repeated corners, which readers drop themselves.
+ */
+wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                      bool force_rewrite, wh_input *in);
+void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
+
+/*
+ * The whole file as a mesh in memory, degenerate triangles dropped, vertices in file order
+ * (unreferenced ones kept). WH_E_PLAN when it has 2^32 - 1 vertices or faces or more. When
+ * `is_double` is not NULL it receives whether positions are doubles. Degenerate faces are
+ * counted in *degenerate when it is not NULL.
+ */
+wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_mesh *m,
+                     bool *is_double, uint64_t *degenerate);
+
+#endif

@@ -1,0 +1,42 @@
+/*
+ * cmd: what the subcommands of the whittle command share.
+ *
+ * Each cmd_NAME receives its own argument vector (argv[0] is the subcommand's name) and returns
+ * the exit status. Messages go to standard error as "whittle NAME: text".
+ */
+#ifndef WH_TOOLS_CMD_H
+#define WH_TOOLS_CMD_H
+
+#include "base/mem.h"
+#include "exec/exec.h"
+
+int cmd_reduce(int argc, char **argv);
+int cmd_info(int argc, char **argv);
+int cmd_check(int argc, char **argv);
+int cmd_compare(int argc, char **argv);
+int cmd_generate(int argc, char **argv);
+
+/* A context with an account and the signal flag, for one subcommand. */
+typedef struct cmd_env {
+	const char *name;
+	wh_mem mem;
+	wh_ctx ctx;
+	wh_exec exec;
+} cmd_env;
+
+void cmd_env_init(cmd_env *e, const char *name);
+
+/* Prints the recorded failure and returns its exit status (128 + signal when interrupted). */
+int cmd_report_failure(const cmd_env *e);
+
+/* Prints "whittle NAME: text" and where to find help; returns the status for wrong usage. */
+int cmd_usage_error(const char *name, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
+
+/* Parses "4M", "1.5k", "200000" (suffixes k, M, G, powers of 1000; with binary, of 1024). False
+ * when it is not such a number or does not fit in 63 bits. */
+bool cmd_parse_count(const char *text, bool binary, int64_t *out);
+
+/* Parses a finite decimal number. */
+bool cmd_parse_real(const char *text, double *out);
+
+#endif
