@@ -1,0 +1,142 @@
+#define _POSIX_C_SOURCE 200809L
+#include "cmd.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The signal that asked to stop, 0 while none has: what every context's cancel points to. */
+static volatile sig_atomic_t stop_signal;
+
+static void on_stop(int sig)
+{
+	stop_signal = sig;
+}
+
+/* A signal ignored by whoever started us (nohup, a background job) stays ignored. */
+static void catch_stop(int sig)
+{
+	struct sigaction old;
+	if (sigaction(sig, NULL, &old) != 0 || old.sa_handler == SIG_IGN)
+		return;
+	struct sigaction act = {.sa_handler = on_stop, .sa_flags = SA_RESTART};
+	(void)sigemptyset(&act.sa_mask);
+	(void)sigaction(sig, &act, NULL);
+}
+
+/* Broken pipes and file size limits are to come back as errors of write, with a message. */
+static void ignore(int sig)
+{
+	struct sigaction act = {.sa_handler = SIG_IGN};
+	(void)sigemptyset(&act.sa_mask);
+	(void)sigaction(sig, &act, NULL);
+}
+
+void cmd_env_init(cmd_env *e, const char *name)
+{
+	_Static_assert(sizeof(sig_atomic_t) == sizeof(int), "the flag is polled as an int");
+	memset(e, 0, sizeof *e);
+	e->name = name;
+	e->ctx.mem = &e->mem;
+	e->ctx.cancel = &stop_signal;
+	e->exec.workers = wh_exec_threads(0);
+	catch_stop(SIGINT);
+	catch_stop(SIGTERM);
+	catch_stop(SIGHUP);
+	ignore(SIGPIPE);
+	ignore(SIGXFSZ);
+}
+
+int cmd_report_failure(const cmd_env *e)
+{
+	const wh_error *err = &e->ctx.err;
+	(void)fprintf(stderr, "whittle %s: %s\n", e->name, err->text);
+	if (err->code == WH_E_INTERRUPT)
+		return 128 + (stop_signal ? (int)stop_signal : SIGINT);
+	return err->code == WH_E_IRREGULAR ? WH_E_RUN : (int)err->code;
+}
+
+int cmd_usage_error(const char *name, const char *fmt, ...)
+{
+	va_list ap;
+	va_start(ap, fmt);
+	(void)fprintf(stderr, "whittle %s: ", name);
+	(void)vfprintf(stderr, fmt, ap);
+	(void)fprintf(stderr, "; see whittle %s --help\n", name);
+	va_end(ap);
+	return WH_E_USAGE;
+}
+
+/* What a suffix stands for; 0 when it is none. */
+static uint64_t suffix_factor(const char *s, bool binary)
+{
+	static const char letters[] = "KMGT";
+	if (*s == '\0')
+		return 1;
+	const char *at = strchr(letters, toupper((unsigned char)*s));
+	if (!at || s[1] != '\0')
+		return 0;
+	uint64_t factor = 1;
+	for (const char *l = letters; l <= at; l++)
+		factor *= binary ? 1024 : 1000;
+	return factor;
+}
+
+/* Digits, then perhaps a point and at most 18 more: value = digits / scale. */
+static bool parse_decimal(const char **s, uint64_t *digits, uint64_t *scale)
+{
+	const char *p = *s;
+	bool any = false;
+	bool point = false;
+	*digits = 0;
+	*scale = 1;
+	for (;; p++) {
+		if (*p == '.' && !point) {
+			point = true;
+			continue;
+		}
+		if (!isdigit((unsigned char)*p))
+			break;
+		any = true;
+		if (__builtin_mul_overflow(*digits, 10u, digits) ||
+		    __builtin_add_overflow(*digits, (uint64_t)(*p - '0'), digits))
+			return false;
+		if (point && __builtin_mul_overflow(*scale, 10u, scale))
+			return false;
+	}
+	*s = p;
+	return any;
+}
+
+bool cmd_parse_count(const char *text, bool binary, int64_t *out)
+{
+	uint64_t digits, scale, value;
+	if (!parse_decimal(&text, &digits, &scale))
+		return false;
+	const uint64_t factor = suffix_factor(text, binary);
+	if (factor == 0 || __builtin_mul_overflow(digits, factor, &value))
+		return false;
+	/* 1.0005K is no count, but 1.3G bytes are as many whole ones as fit */
+	if (value % scale != 0 && !(binary && factor > 1))
+		return false;
+	value /= scale;
+	if (value > INT64_MAX)
+		return false;
+	*out = (int64_t)value;
+	return true;
+}
+
+bool cmd_parse_real(const char *text, double *out)
+{
+	char *end;
+	if (*text == '\0' || isspace((unsigned char)*text))
+		return false;
+	const double v = strtod(text, &end);
+	if (*end != '\0' || !isfinite(v))
+		return false;
+	*out = v;
+	return true;
+}

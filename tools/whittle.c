@@ -1,0 +1,79 @@
+/* whittle: the command. Finds the subcommand, runs it, and makes sure its words were written. */
+#include "cmd.h"
+#include "whittle.h"
+
+#include <stdio.h>
+#include <string.h>
+
+typedef struct command {
+	const char *name;
+	int (*run)(int argc, char **argv);
+	const char *args;
+	const char *what;
+} command;
+
+static const command commands[] = {
+    {"reduce", cmd_reduce, "IN -o OUT --faces N", "reduce a mesh to a size or an error"},
+    {"info", cmd_info, "FILE", "what a PLY file holds, from its header"},
+    {"check", cmd_check, "FILE", "manifold, boundary, components, defects"},
+    {"compare", cmd_compare, "A B", "two-sided distance of two meshes"},
+    {"generate", cmd_generate, "-o OUT --faces N", "make a scan-like surface of any size"},
+};
+
+enum { NCOMMANDS = sizeof commands / sizeof commands[0] };
+
+static void print_help(FILE *f)
+{
+	(void)fprintf(f, "whittle reduces triangle meshes that are larger than memory.\n\n"
+	                 "usage: whittle COMMAND ...\n\n");
+	for (int i = 0; i < NCOMMANDS; i++)
+		(void)fprintf(f, "  %-9s %-21s %s\n", commands[i].name, commands[i].args,
+		              commands[i].what);
+	(void)fprintf(
+	    f, "\n  whittle COMMAND --help   the options of one command\n"
+	       "  whittle --version\n\n"
+	       "Numbers take the suffixes K, M and G.\n"
+	       "Exit status: 0 done, 1 failure in the run, 2 wrong usage, 3 bad input,\n"
+	       "4 target not reachable (best mesh written), 5 memory or disk ceiling cannot be\n"
+	       "met, 130 or 143 interrupted.\n");
+}
+
+static const command *find_command(const char *name)
+{
+	for (int i = 0; i < NCOMMANDS; i++)
+		if (strcmp(commands[i].name, name) == 0)
+			return &commands[i];
+	return NULL;
+}
+
+static int dispatch(int argc, char **argv)
+{
+	if (argc < 2) {
+		print_help(stderr);
+		return WH_E_USAGE;
+	}
+	const char *first = argv[1];
+	if (strcmp(first, "--help") == 0 || strcmp(first, "-h") == 0 ||
+	    strcmp(first, "help") == 0) {
+		print_help(stdout);
+		return WH_OK;
+	}
+	if (strcmp(first, "--version") == 0 || strcmp(first, "-V") == 0) {
+		(void)printf("whittle %s\n", WHITTLE_VERSION);
+		return WH_OK;
+	}
+	const command *cmd = find_command(first);
+	if (cmd)
+		return cmd->run(argc - 1, argv + 1);
+	(void)fprintf(stderr, "whittle: there is no command \"%s\"; see whittle --help\n", first);
+	return WH_E_USAGE;
+}
+
+int main(int argc, char **argv)
+{
+	const int status = dispatch(argc, argv);
+	if (fflush(stdout) == 0 && !ferror(stdout))
+		return status;
+	(void)fprintf(stderr, "whittle: standard output could not be written\n");
+	return status ? status : WH_E_RUN;
+}
