@@ -1,0 +1,347 @@
+/*
+ * Buffer -> checksum -> write(2). The checksum is taken when the buffer is flushed, while its
+ * bytes are still in cache. A failure is kept in `failed`, so that the many small writes in
+ * between need not look for it: the commit does, and then nothing appears under the name.
+ */
+#define _GNU_SOURCE
+#include "io/outfile.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define XXH_STATIC_LINKING_ONLY /* the state lies inside our own struct */
+#include <xxhash.h>
+
+enum {
+	BUFFER = 1 << 20,
+	MOST_LINKS = 40, /* symbolic links followed before we call it a loop, as the kernel does */
+	TEMP_TRIES = 100
+};
+
+struct wh_outfile {
+	XXH3_state_t hash;
+	char *shown; /* the name the user gave, for messages */
+	char *name;  /* file name of the target in its folder; NULL when written directly */
+	char *temp;  /* name of the temporary file in the same folder; NULL when there is none */
+	int dirfd;   /* the folder; -1 when written directly */
+	int fd;
+	bool own_fd; /* false for standard output */
+	bool force;  /* an existing target may be replaced */
+	bool failed;
+	uint64_t flushed; /* bytes that left the buffer */
+	size_t used;      /* bytes in the buffer */
+	unsigned char *buffer;
+};
+
+/* --- where the bytes go --- */
+
+/* Appends `name` to the folder part of `path` (all up to its last slash). False: too long. */
+static bool sibling(char out[PATH_MAX], const char *path, const char *name)
+{
+	const char *slash = strrchr(path, '/');
+	const int folder = slash && name[0] != '/' ? (int)(slash - path) + 1 : 0;
+	const int n = snprintf(out, PATH_MAX, "%.*s%s", folder, path, name);
+	return n > 0 && n < PATH_MAX;
+}
+
+/* Follows symbolic links at the end of the path, also when the last one leads to nothing yet. */
+static wh_code follow_links(wh_ctx *c, const char *path, char out[PATH_MAX])
+{
+	char link[PATH_MAX];
+	char next[PATH_MAX];
+	if (!sibling(out, "", path))
+		return wh_fail(c, WH_E_USAGE, "the output path is too long: %.200s...", path);
+	for (int i = 0; i < MOST_LINKS; i++) {
+		const ssize_t n = readlink(out, link, sizeof link - 1);
+		if (n < 0)
+			return WH_OK;
+		link[n] = '\0';
+		if (!sibling(next, out, link))
+			break;
+		memcpy(out, next, PATH_MAX);
+	}
+	return wh_fail(c, WH_E_RUN, "'%s': too many symbolic links", path);
+}
+
+static wh_code open_folder(wh_ctx *c, wh_outfile *o, const char *target)
+{
+	const char *slash = strrchr(target, '/');
+	const char *name = slash ? slash + 1 : target;
+	char folder[PATH_MAX] = ".";
+	if (slash)
+		(void)snprintf(folder, sizeof folder, "%.*s", (int)(slash - target) + 1, target);
+	if (*name == '\0' || strcmp(name, ".") == 0 || strcmp(name, "..") == 0)
+		return wh_fail(c, WH_E_USAGE, "'%s' is a folder; give the name of a file",
+		               o->shown);
+	o->dirfd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	if (o->dirfd < 0)
+		return wh_fail_errno(c, "cannot write '%s', its folder '%s' cannot be opened",
+		                     o->shown, folder);
+	o->name = wh_strdup(c, name);
+	return o->name ? WH_OK : c->err.code;
+}
+
+static void random_suffix(char suffix[7])
+{
+	static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789";
+	unsigned char r[6];
+	if (getrandom(r, sizeof r, 0) != (ssize_t)sizeof r)
+		memset(r, (int)getpid(), sizeof r);
+	for (size_t i = 0; i < sizeof r; i++)
+		suffix[i] = letters[r[i] % (sizeof letters - 1)];
+	suffix[6] = '\0';
+}
+
+static wh_code open_temp(wh_ctx *c, wh_outfile *o)
+{
+	enum { ROOM = NAME_MAX - 16 }; /* of the target's name in ".NAME.whittle-XXXXXX" */
+	char temp[NAME_MAX + 1];
+	char suffix[7];
+	for (int i = 0; i < TEMP_TRIES && o->fd < 0; i++) {
+		random_suffix(suffix);
+		(void)snprintf(temp, sizeof temp, ".%.*s.whittle-%s", ROOM, o->name, suffix);
+		o->fd = openat(o->dirfd, temp, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+		if (o->fd < 0 && errno != EEXIST)
+			break;
+	}
+	if (o->fd < 0)
+		return wh_fail_errno(c, "cannot write '%s', no file can be made in its folder",
+		                     o->shown);
+	o->own_fd = true;
+	o->temp = wh_strdup(c, temp);
+	if (!o->temp) {
+		(void)unlinkat(o->dirfd, temp, 0);
+		return c->err.code;
+	}
+	return WH_OK;
+}
+
+static wh_code open_direct(wh_ctx *c, wh_outfile *o)
+{
+	o->fd = open(o->shown, O_WRONLY | O_CLOEXEC);
+	if (o->fd < 0)
+		return wh_fail_errno(c, "cannot write '%s'", o->shown);
+	o->own_fd = true;
+	return WH_OK;
+}
+
+static wh_code exists_already(wh_ctx *c, const wh_outfile *o)
+{
+	return wh_fail(c, WH_E_USAGE, "'%s' exists already; use -f to replace it", o->shown);
+}
+
+static wh_code open_target(wh_ctx *c, wh_outfile *o)
+{
+	char target[PATH_MAX];
+	struct stat st;
+	const bool exists = stat(o->shown, &st) == 0; /* follows links, as the kernel sees them */
+	if (exists && S_ISDIR(st.st_mode))
+		return wh_fail(c, WH_E_USAGE, "'%s' is a folder; give the name of a file",
+		               o->shown);
+	if (exists && !S_ISREG(st.st_mode))
+		return open_direct(c, o);
+	if (exists && !o->force)
+		return exists_already(c, o);
+	if (follow_links(c, o->shown, target) != WH_OK || open_folder(c, o, target) != WH_OK ||
+	    open_temp(c, o) != WH_OK)
+		return c->err.code;
+	if (exists) /* a mode that cannot be kept is no reason to fail */
+		(void)!fchmod(o->fd, st.st_mode & 07777);
+	return WH_OK;
+}
+
+wh_code wh_outfile_open(wh_ctx *c, wh_outfile **out, const char *path, bool force)
+{
+	*out = NULL;
+	wh_outfile *o = wh_calloc(c, 1, sizeof *o);
+	if (!o)
+		return c->err.code;
+	o->fd = o->dirfd = -1;
+	o->force = force;
+	o->shown = wh_strdup(c, strcmp(path, "-") == 0 ? "standard output" : path);
+	o->buffer = wh_alloc(c, BUFFER, 1);
+	if (!o->shown || !o->buffer)
+		goto fail;
+	XXH3_INITSTATE(&o->hash);
+	(void)XXH3_128bits_reset(&o->hash);
+	if (strcmp(path, "-") == 0)
+		o->fd = STDOUT_FILENO;
+	else if (open_target(c, o) != WH_OK)
+		goto fail;
+	*out = o;
+	return WH_OK;
+fail:
+	wh_outfile_abort(c, &o);
+	return c->err.code;
+}
+
+/* --- writing --- */
+
+static wh_code write_failed(wh_ctx *c, wh_outfile *o)
+{
+	o->failed = true;
+	if (errno == ENOSPC || errno == EDQUOT)
+		return wh_fail(c, WH_E_RUN,
+		               "no space left for '%s'; make room or write it to another place",
+		               o->shown);
+	return wh_fail_errno(c, "cannot write '%s'", o->shown);
+}
+
+static wh_code failed_before(wh_ctx *c, const wh_outfile *o)
+{
+	return wh_fail(c, WH_E_RUN, "'%s' could not be written", o->shown);
+}
+
+static wh_code write_all(wh_ctx *c, wh_outfile *o, const unsigned char *bytes, size_t n)
+{
+	(void)XXH3_128bits_update(&o->hash, bytes, n);
+	o->flushed += n;
+	while (n > 0) {
+		const ssize_t done = write(o->fd, bytes, n);
+		if (done < 0 && errno == EINTR)
+			continue;
+		if (done < 0)
+			return write_failed(c, o);
+		bytes += done;
+		n -= (size_t)done;
+	}
+	return WH_OK;
+}
+
+static wh_code flush(wh_ctx *c, wh_outfile *o)
+{
+	if (o->failed)
+		return failed_before(c, o);
+	const size_t n = o->used;
+	o->used = 0;
+	return write_all(c, o, o->buffer, n);
+}
+
+wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n)
+{
+	if (n > BUFFER - o->used && flush(c, o) != WH_OK)
+		return c->err.code;
+	if (o->failed)
+		return failed_before(c, o);
+	if (n > BUFFER)
+		return write_all(c, o, bytes, n);
+	if (n > 0)
+		memcpy(o->buffer + o->used, bytes, n);
+	o->used += n;
+	return WH_OK;
+}
+
+void *wh_outfile_room(wh_ctx *c, wh_outfile *o, size_t n)
+{
+	if (o->failed || (n > BUFFER - o->used && flush(c, o) != WH_OK)) {
+		(void)failed_before(c, o);
+		return NULL;
+	}
+	return o->buffer + o->used;
+}
+
+void wh_outfile_advance(wh_outfile *o, size_t used)
+{
+	o->used += used;
+}
+
+/* --- the end --- */
+
+/* Gives the temporary file its name where no file may be replaced. errno tells the failure. */
+static int rename_new(const wh_outfile *o)
+{
+	if (renameat2(o->dirfd, o->temp, o->dirfd, o->name, RENAME_NOREPLACE) == 0)
+		return 0;
+	if (errno != EINVAL && errno != ENOSYS)
+		return -1;
+	if (linkat(o->dirfd, o->temp, o->dirfd, o->name, 0) == 0)
+		return unlinkat(o->dirfd, o->temp, 0);
+	if (errno == EEXIST)
+		return -1;
+	/* A file system with neither (FAT): the last look leaves a gap that cannot be closed. */
+	if (faccessat(o->dirfd, o->name, F_OK, AT_SYMLINK_NOFOLLOW) == 0) {
+		errno = EEXIST;
+		return -1;
+	}
+	return renameat(o->dirfd, o->temp, o->dirfd, o->name);
+}
+
+static wh_code publish(wh_ctx *c, wh_outfile *o)
+{
+	const int r = o->force ? renameat(o->dirfd, o->temp, o->dirfd, o->name) : rename_new(o);
+	if (r != 0 && errno == EEXIST)
+		return exists_already(c, o);
+	if (r != 0)
+		return wh_fail_errno(c, "cannot give the output its name '%s'", o->shown);
+	wh_free(c, o->temp);
+	o->temp = NULL;
+	if (fsync(o->dirfd) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS)
+		return wh_fail_errno(c, "cannot flush the folder of '%s'", o->shown);
+	return WH_OK;
+}
+
+/* Closes the descriptor and checks it: some file systems report a full disk only here. */
+static wh_code close_checked(wh_ctx *c, wh_outfile *o)
+{
+	if (o->temp && fsync(o->fd) != 0)
+		return write_failed(c, o);
+	if (!o->own_fd)
+		return WH_OK;
+	const int r = close(o->fd);
+	o->fd = -1;
+	if (r != 0 && errno != EINTR)
+		return write_failed(c, o);
+	return WH_OK;
+}
+
+wh_code wh_outfile_commit(wh_ctx *c, wh_outfile **out)
+{
+	wh_outfile *o = *out;
+	wh_code code = flush(c, o);
+	if (code == WH_OK)
+		code = close_checked(c, o);
+	if (code == WH_OK && o->temp)
+		code = publish(c, o);
+	wh_outfile_abort(c, out);
+	return code;
+}
+
+void wh_outfile_abort(wh_ctx *c, wh_outfile **out)
+{
+	wh_outfile *o = *out;
+	*out = NULL;
+	if (!o)
+		return;
+	if (o->temp)
+		(void)unlinkat(o->dirfd, o->temp, 0);
+	if (o->own_fd && o->fd >= 0)
+		(void)close(o->fd);
+	if (o->dirfd >= 0)
+		(void)close(o->dirfd);
+	wh_free(c, o->buffer);
+	wh_free(c, o->temp);
+	wh_free(c, o->name);
+	wh_free(c, o->shown);
+	wh_free(c, o);
+}
+
+uint64_t wh_outfile_bytes(const wh_outfile *o)
+{
+	return o->flushed + o->used;
+}
+
+void wh_outfile_checksum(const wh_outfile *o, char hex[33])
+{
+	XXH3_state_t copy;
+	XXH3_copyState(&copy, &o->hash);
+	(void)XXH3_128bits_update(&copy, o->buffer, o->used);
+	const XXH128_hash_t h = XXH3_128bits_digest(&copy);
+	(void)snprintf(hex, 33, "%016llx%016llx", (unsigned long long)h.high64,
+	               (unsigned long long)h.low64);
+}
