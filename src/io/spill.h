@@ -3,22 +3,24 @@
  *
  * The folder is made inside the user's choice of place, with a name nobody else has. Files in it
  * are written under a ".part" name and committed by rename. wh_spill_close removes everything,
- * also after a failure. Byte counters are thread-safe.
+ * also after a failure. Byte counters are thread-safe; a wh_spill must not be copied or moved.
  */
 #ifndef WH_IO_SPILL_H
 #define WH_IO_SPILL_H
 
 #include "base/mem.h"
 
+#include <pthread.h>
 #include <stdatomic.h>
 
 typedef struct wh_spill {
-	char *dir;                    /* path of the folder; NULL: none was made */
-	int dirfd;                    /* open on it */
-	_Atomic uint64_t held;        /* bytes of its files now */
-	_Atomic uint64_t peak;        /* most bytes at any time */
+	char *dir;             /* path of the folder; NULL: none was made */
+	int dirfd;             /* open on it */
+	_Atomic uint64_t held; /* bytes of its files now */
+	_Atomic uint64_t peak; /* most bytes at any time */
 	_Atomic uint64_t bytes_read;
 	_Atomic uint64_t bytes_written;
+	pthread_mutex_t growing; /* held while a file is made longer */
 } wh_spill;
 
 /*
