@@ -117,6 +117,11 @@ int wh_spill_create(wh_ctx *c, wh_spill *s, const char *name)
 	return open_in(c, s, name, O_RDWR | O_CREAT | O_EXCL);
 }
 
+int wh_spill_reopen(wh_ctx *c, wh_spill *s, const char *name)
+{
+	return open_in(c, s, name, O_RDWR);
+}
+
 int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name)
 {
 	return open_in(c, s, name, O_RDONLY);

@@ -32,6 +32,8 @@ void wh_spill_close(wh_ctx *c, wh_spill *s);
 
 /* Opens a file of the folder for reading and writing, empty. Returns the descriptor or -1. */
 int wh_spill_create(wh_ctx *c, wh_spill *s, const char *name);
+/* Opens an existing file of the folder for reading and writing, as it is. Descriptor or -1. */
+int wh_spill_reopen(wh_ctx *c, wh_spill *s, const char *name);
 /* Opens an existing file of the folder for reading. Descriptor or -1. */
 int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name);
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to);

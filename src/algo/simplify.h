@@ -1,0 +1,58 @@
+/*
+ * simplify: reduces one patch by edge collapses in near-greedy order, in place.
+ *
+ * Serial and reentrant: parallelism is many of these, each with its own workspace. The result
+ * depends on the patch and the parameters alone.
+ */
+#ifndef WH_ALGO_SIMPLIFY_H
+#define WH_ALGO_SIMPLIFY_H
+
+#include "mesh/patch.h"
+
+/* Cost histogram of a survey: sixteen bins to every power of two, over all doubles >= 0. */
+enum { WH_HIST_MANTISSA = 4, WH_HIST_BINS = 2048 << WH_HIST_MANTISSA };
+
+typedef struct wh_simplify_params {
+	uint32_t target_faces;    /* stop at or below this many faces; 0: no limit */
+	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
+	double max_cost;          /* no collapse above this cost; INFINITY: no limit */
+	double max_err;           /* no collapse whose accumulated distance exceeds this; INFINITY */
+	bool lock_boundary;       /* vertices on boundary edges stay as they are */
+	bool float_positions;     /* new positions are rounded to float */
+	uint64_t *histogram;      /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
+} wh_simplify_params;
+
+typedef struct wh_simplify_result {
+	uint64_t collapses;
+	double highest_cost;   /* of the collapses done */
+	double highest_err;    /* accumulated distance bound of the worst vertex made */
+	double cost_distance;  /* the highest cost as a distance: sqrt(cost / weight of its faces) */
+	bool exhausted;        /* stopped because no legal collapse was left within the limits */
+	uint32_t fixed;        /* non-manifold vertices found and kept */
+} wh_simplify_result;
+
+typedef struct wh_simplify_work wh_simplify_work;
+
+/* A workspace, to be reused for any number of patches by one thread at a time. */
+wh_simplify_work *wh_simplify_work_new(wh_ctx *c);
+void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
+
+/*
+ * Reduces p. Cut and fixed vertices stay; vertices on non-manifold or inconsistently oriented
+ * edges, and those whose faces form more than one fan, are found here and fixed. Surviving
+ * vertices keep their order, their gid and their flags; p's arrays are compacted.
+ *
+ * Topology: an edge is collapsed only when the link condition holds (Dey, Edelsbrunner, Guha,
+ * Nekhayev 1999), so components, handles and boundary loops stay. A vertex is collapsed into a
+ * locked one only if this makes no edge or face between locked vertices, which another piece
+ * could make too.
+ *
+ * On failure (memory, interruption) p is unusable but can be freed.
+ */
+wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simplify_params *params,
+                    wh_simplify_result *result);
+
+/* Upper end of a histogram bin, as a cost. */
+double wh_histogram_cost(int bin);
+
+#endif

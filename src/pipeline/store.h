@@ -1,0 +1,97 @@
+/*
+ * store: the cluster files of a round, one for each cluster, in the spill folder.
+ *
+ * A file is written by appending faces first and vertices then, and committed by rename; it is
+ * loaded whole, as a patch. Layout, all numbers in the byte order of the machine:
+ *
+ *     offset  bytes  content
+ *          0      8  "WHCLUST1"
+ *          8      4  version of the layout: 1
+ *         12      4  bytes of a global id: 4 or 8
+ *         16      4  bytes of a coordinate: 4 or 8
+ *         20      4  bytes of payload a vertex carries after its position (the error bound: 0 or 4)
+ *         24      4  bytes of payload a face corner carries: 0
+ *         28      4  1: corners are positions in this file's vertex list; 0: global ids
+ *         32      8  faces
+ *         40      8  vertices
+ *         48      8  XXH3 of everything after the header
+ *         56      8  zero
+ *         64         faces: three corners each
+ *                    vertices: global id (top bit: cut vertex), x, y, z, payload
+ *
+ * With global ids as corners, vertices may repeat and come in any order; every id that a face
+ * uses is there. A vertex that is cut has the same bytes in every file that holds it.
+ */
+#ifndef WH_PIPELINE_STORE_H
+#define WH_PIPELINE_STORE_H
+
+#include "io/spill.h"
+#include "mesh/patch.h"
+
+/* How a whole store is laid out. */
+typedef struct wh_store {
+	wh_spill *spill;
+	uint32_t generation;    /* 0 for what ingest writes, then one more for every round */
+	uint32_t clusters;
+	uint32_t id_bytes;      /* 4 while all ids are below 2^31 */
+	uint32_t coord_bytes;   /* 4: positions are floats */
+	uint32_t vertex_payload;
+	bool local_corners;
+} wh_store;
+
+/* Writes one cluster file. Zero-initialise; not thread-safe. */
+typedef struct wh_store_writer {
+	uint8_t *buf;
+	size_t used, cap;
+	uint64_t off;           /* of buf in the file */
+	uint64_t faces, vertices;
+	void *hash;
+} wh_store_writer;
+
+wh_code wh_store_begin(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
+                       size_t buffer);
+/* Appends bytes that are already in file form; the caller keeps the counts in w. */
+wh_code wh_store_append(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
+                        const void *bytes, size_t n);
+/* Writes what is buffered and the header, renames, frees. */
+wh_code wh_store_commit(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w);
+/* Frees a writer that is not to be committed. */
+void wh_store_drop(wh_ctx *c, wh_store_writer *w);
+
+/* Bytes of a vertex record. */
+static inline size_t wh_store_vertex_bytes(const wh_store *s)
+{
+	return s->id_bytes + 3 * (size_t)s->coord_bytes + s->vertex_payload;
+}
+
+/* Encodes one vertex record; returns the byte after it. */
+uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, bool cut, wh_vec3 pos,
+                             float err);
+
+/* Scratch of loads, grown as needed and reused; zero-initialise. */
+typedef struct wh_store_scratch {
+	uint8_t *raw;
+	size_t raw_cap;
+	uint32_t *index;
+	size_t index_cap;
+	uint64_t unreferenced; /* of the last load: vertices of no face, not cut, dropped */
+} wh_store_scratch;
+
+void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
+
+/* Loads a cluster into p: vertices ascending by global id, those without faces dropped, only
+ * WH_CUT set in the flags. A damaged file is WH_E_RUN. */
+wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+                      wh_patch *p);
+
+/* Writes a patch as cluster `cluster` of a store with local corners. */
+wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_patch *p);
+
+/* Removes a cluster's file. */
+void wh_store_remove(const wh_store *s, uint32_t cluster);
+
+/* Counts in the header of a cluster's file. */
+wh_code wh_store_counts(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *faces,
+                        uint64_t *vertices);
+
+#endif
