@@ -34,7 +34,7 @@ static inline uint32_t wh_type_size(wh_type t)
 
 typedef struct wh_ply_prop {
 	char *name;
-	wh_type type;       /* of the scalar, or of the list's items */
+	wh_type type; /* of the scalar, or of the list's items */
 	bool is_list;
 	wh_type count_type; /* lists only; an integer type */
 } wh_ply_prop;
@@ -45,62 +45,74 @@ typedef struct wh_ply_elem {
 	wh_ply_prop *props;
 	size_t nprops;
 	uint64_t stride; /* bytes of one binary item; 0 when it holds a list */
+	uint64_t least;  /* bytes of the smallest binary item (all lists empty) */
+	size_t line;     /* of the header that declares it, from 1 */
 } wh_ply_elem;
 
 typedef enum wh_ply_format { WH_PLY_ASCII, WH_PLY_LE, WH_PLY_BE } wh_ply_format;
 
 typedef struct wh_ply {
 	char *path;
-	int fd;            /* open for reading; owned */
-	uint64_t size;     /* bytes of the file */
-	uint64_t body;     /* byte offset of the first body byte */
+	int fd;        /* open for reading; owned */
+	uint64_t size; /* bytes of the file */
+	uint64_t body; /* byte offset of the first body byte */
 	wh_ply_format format;
+	char eol; /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
 	size_t header_lines;
 	/* what whittle works on; -1 where the file has none */
-	int vertex;        /* element with x, y, z */
-	int face;          /* element with a list of corner indices */
-	int strips;        /* element with triangle strips */
-	int x, y, z;       /* properties of vertex */
-	int corners;       /* list property of face (vertex_indices, vertex_index, ...) */
-	int strip_list;    /* list property of strips */
+	int vertex;     /* element with x, y, z */
+	int face;       /* element with a list of corner indices */
+	int strips;     /* element with triangle strips */
+	int x, y, z;    /* properties of vertex */
+	int corners;    /* list property of face (vertex_indices, vertex_index, ...) */
+	int strip_list; /* list property of strips */
 } wh_ply;
 
 /*
- * Opens `path` and parses the header. WH_E_INPUT for a directory, a damaged header, or counts
- * that the file's size cannot hold; WH_E_RUN when it cannot be opened or read. The message
- * names the file and the header line. On failure *p is empty. Close with wh_ply_close.
+ * Opens `path` and parses the header. WH_E_INPUT for a file that is missing, unreadable or not
+ * regular, a damaged header, or counts that the file's size cannot hold; WH_E_RUN when reading
+ * fails. The message names the file and the header line. On failure *p is empty. Close with
+ * wh_ply_close.
  */
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path);
 void wh_ply_close(wh_ctx *c, wh_ply *p);
 
 /* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
 typedef struct wh_source {
-	const char *path;      /* of the user's file, for messages */
-	uint64_t nv, nf;       /* vertices, triangles */
-	int vfd;               /* positions: */
-	uint64_t vbase;        /*   byte offset of vertex 0 */
-	uint32_t vstride;      /*   bytes from one vertex to the next */
-	uint32_t voff[3];      /*   x, y, z within a vertex */
+	const char *path; /* of the user's file, for messages */
+	uint64_t nv, nf;  /* vertices, triangles */
+	int vfd;          /* positions: */
+	uint64_t vbase;   /*   byte offset of vertex 0 */
+	uint32_t vstride; /*   bytes from one vertex to the next */
+	uint32_t voff[3]; /*   x, y, z within a vertex */
 	wh_type vtype[3];
 	bool vswap;
-	bool is_double;        /* positions have more than float precision: write doubles */
-	int ffd;               /* triangles: */
+	bool is_double; /* positions have more than float precision: write doubles */
+	int ffd;        /* triangles: */
 	uint64_t fbase;
 	uint32_t fstride;
-	int64_t count_off;     /*   corner count within a face; -1: none stored, always 3 */
+	int64_t count_off; /*   corner count within a face; -1: none stored, always 3 */
 	wh_type count_type;
-	uint32_t ioff;         /*   first of the three indices within a face */
+	uint32_t ioff; /*   first of the three indices within a face */
 	wh_type itype;
 	bool fswap;
 } wh_source;
 
 /*
- * True when the binary body of p can be a source as it stands: fixed-size vertices, and faces
- * that are the right size for triangles only (the counts themselves are verified on reading).
+ * True when the binary body of p can be a source as it stands: fixed-size vertices, behind them
+ * faces with no other list than the corners, and bytes enough for triangles (the counts
+ * themselves are verified on reading).
  */
 bool wh_ply_direct(const wh_ply *p, wh_source *out);
+
+/* Of a binary file whose vertices are of fixed size and begin at byte `base`: fills the part of
+ * `out` that is about vertices, and the path. */
+void wh_ply_vertex_source(const wh_ply *p, uint64_t base, wh_source *out);
+
+/* Exactly n bytes of the file at `offset`; WH_E_INPUT when it ends before them. Thread-safe. */
+wh_code wh_ply_pread(wh_ctx *c, const char *path, int fd, void *buf, size_t n, uint64_t offset);
 
 /* Bytes of scratch that reading n vertices or n triangles at once needs. */
 size_t wh_source_vertex_bytes(const wh_source *s, size_t n);
