@@ -1,0 +1,185 @@
+/* whittle check: the invariants of a mesh as a table or as JSON. */
+#include "cmd.h"
+
+#include "mesh/check.h"
+#include "pipeline/normalise.h"
+
+#include <getopt.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct options {
+	const char *path;
+	bool json;
+	bool strict;
+	int64_t threads;
+} options;
+
+static void print_help(void)
+{
+	(void)printf(
+	    "usage: whittle check FILE [--json] [--strict] [--threads N]\n\n"
+	    "Counts everything that can be right or wrong with a triangle mesh. It is clean when\n"
+	    "it is an oriented manifold, with or without boundary, in which no face is degenerate\n"
+	    "or a duplicate.\n\n"
+	    "  --json       print JSON instead of a table\n"
+	    "  --strict     exit with status 3 when the mesh is not clean\n"
+	    "  --threads N  threads for reading (0, the default: all)\n");
+}
+
+/* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
+static int parse(int argc, char **argv, options *o, bool *done)
+{
+	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
+	                                      {"strict", no_argument, NULL, 's'},
+	                                      {"threads", required_argument, NULL, 't'},
+	                                      {"help", no_argument, NULL, 'h'},
+	                                      {NULL, 0, NULL, 0}};
+	optind = 1;
+	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
+		switch (opt) {
+		case 'j':
+			o->json = true;
+			break;
+		case 's':
+			o->strict = true;
+			break;
+		case 't':
+			if (!cmd_parse_count(optarg, false, &o->threads) || o->threads > 4096)
+				return cmd_usage_error(argv[0], "\"%s\" is no number of threads",
+				                       optarg);
+			break;
+		case 'h':
+			print_help();
+			*done = true;
+			return WH_OK;
+		default:
+			return cmd_usage_error(argv[0], "wrong option");
+		}
+	}
+	if (argc - optind != 1)
+		return cmd_usage_error(argv[0], "one FILE is needed, %d given", argc - optind);
+	o->path = argv[optind];
+	return WH_OK;
+}
+
+/* Loads the file and checks it; what the loader dropped is counted as degenerate. */
+static wh_code check_file(cmd_env *e, const char *path, wh_check *r)
+{
+	wh_mesh m = {0};
+	wh_spill spill;
+	uint64_t degenerate = 0;
+	wh_code code = wh_spill_open(&e->ctx, &spill, NULL, "/tmp");
+	if (code != WH_OK)
+		return code;
+	code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, &m, NULL, &degenerate);
+	wh_spill_close(&e->ctx, &spill);
+	if (code == WH_OK)
+		code = wh_check_mesh(&e->ctx, &m, r);
+	wh_mesh_free(&e->ctx, &m);
+	r->degenerate_faces += degenerate;
+	r->faces += degenerate;
+	return code;
+}
+
+/* One line of the table and one member of the JSON. */
+typedef struct row {
+	const char *key;
+	const char *text;
+	size_t offset; /* of a uint64_t in wh_check */
+} row;
+
+#define ROW(member, text)                                 \
+	{                                                 \
+#member, text, offsetof(wh_check, member) \
+	}
+
+static const row rows[] = {
+    ROW(vertices, "vertices"),
+    ROW(unreferenced_vertices, "  unreferenced"),
+    ROW(duplicate_vertices, "  at the position of another"),
+    ROW(nonmanifold_vertices, "  non-manifold"),
+    ROW(faces, "faces"),
+    ROW(degenerate_faces, "  degenerate"),
+    ROW(zero_area_faces, "  of zero area"),
+    ROW(duplicate_faces, "  duplicates"),
+    ROW(edges, "edges"),
+    ROW(boundary_edges, "  boundary"),
+    ROW(nonmanifold_edges, "  non-manifold"),
+    ROW(misoriented_edges, "  badly oriented"),
+    ROW(components, "components"),
+    ROW(edge_components, "  joined by edges only"),
+    ROW(boundary_loops, "boundary loops"),
+};
+
+enum { NROWS = sizeof rows / sizeof rows[0] };
+
+static uint64_t value_of(const wh_check *r, const row *w)
+{
+	uint64_t v;
+	memcpy(&v, (const char *)r + w->offset, sizeof v);
+	return v;
+}
+
+static void print_table(const wh_check *r)
+{
+	for (int i = 0; i < NROWS; i++)
+		(void)printf("%-28s %12" PRIu64 "\n", rows[i].text, value_of(r, rows + i));
+	(void)printf("%-28s %12" PRId64 "\n", "Euler characteristic", r->euler);
+	if (r->genus >= 0)
+		(void)printf("%-28s %12" PRId64 "\n", "genus", r->genus);
+	else
+		(void)printf("%-28s %12s\n", "genus", "undefined");
+	(void)printf("%-28s %12.9g\n", "area", r->area);
+	(void)printf("%-28s %.9g %.9g %.9g\n", "box from", r->lo.x, r->lo.y, r->lo.z);
+	(void)printf("%-28s %.9g %.9g %.9g\n", "box to", r->hi.x, r->hi.y, r->hi.z);
+	(void)printf("%-28s %12s\n", "clean", wh_check_clean(r) ? "yes" : "no");
+}
+
+static json_t *json_point(wh_vec3 p)
+{
+	return json_pack("[f, f, f]", p.x, p.y, p.z);
+}
+
+static wh_code print_json(wh_ctx *c, const char *path, const wh_check *r)
+{
+	json_t *j = json_object();
+	json_t *name = json_string(path); /* NULL when the path is not UTF-8 */
+	int bad = json_object_set_new(j, "file", name ? name : json_null());
+	for (int i = 0; i < NROWS; i++)
+		bad |= json_object_set_new(j, rows[i].key,
+		                           json_integer((json_int_t)value_of(r, rows + i)));
+	bad |= json_object_set_new(j, "euler", json_integer(r->euler));
+	bad |= json_object_set_new(j, "genus", r->genus < 0 ? json_null() : json_integer(r->genus));
+	bad |= json_object_set_new(j, "area", json_real(r->area));
+	bad |= json_object_set_new(j, "min", json_point(r->lo));
+	bad |= json_object_set_new(j, "max", json_point(r->hi));
+	bad |= json_object_set_new(j, "clean", json_boolean(wh_check_clean(r)));
+	if (!bad)
+		bad = json_dumpf(j, stdout, JSON_INDENT(2));
+	json_decref(j);
+	(void)printf("\n");
+	return bad ? wh_fail(c, WH_E_RUN, "the JSON could not be written") : WH_OK;
+}
+
+int cmd_check(int argc, char **argv)
+{
+	options o = {0};
+	bool done = false;
+	const int usage = parse(argc, argv, &o, &done);
+	if (usage != WH_OK || done)
+		return usage;
+	cmd_env e;
+	wh_check r = {0};
+	cmd_env_init(&e, argv[0]);
+	e.exec.workers = wh_exec_threads((int)o.threads);
+	if (check_file(&e, o.path, &r) != WH_OK)
+		return cmd_report_failure(&e);
+	if (!o.json)
+		print_table(&r);
+	else if (print_json(&e.ctx, o.path, &r) != WH_OK)
+		return cmd_report_failure(&e);
+	return o.strict && !wh_check_clean(&r) ? WH_E_INPUT : WH_OK;
+}
