@@ -1,7 +1,103 @@
-/* whittle: reduces triangle meshes larger than memory. The public interface of libwhittle. */
+/*
+ * whittle: reduces triangle meshes larger than memory. The public interface of libwhittle.
+ *
+ * Calls return a wh_code; the context keeps the first failure as a sentence for the user
+ * (base/status.h). The library never prints, never exits and keeps no mutable globals. One
+ * context may be used by one thread at a time.
+ */
 #ifndef WHITTLE_H
 #define WHITTLE_H
 
 #define WHITTLE_VERSION "0.1.0"
+
+#include "base/mem.h"
+#include "base/status.h"
+
+/* What to do. Zero-initialise with wh_reduce_defaults. */
+typedef struct wh_reduce_params {
+	const char *input;        /* PLY file */
+	const char *output;       /* path, or "-" for standard output */
+	bool force;               /* write over an existing output */
+	bool ascii;               /* text instead of binary */
+
+	/* Limits; the first one reached stops. At least one must be set. */
+	uint64_t faces;           /* triangles; 0: none */
+	double face_ratio;        /* share of the input's triangles in (0, 1]; 0: none */
+	uint64_t vertices;        /* 0: none */
+	double vertex_ratio;      /* 0: none */
+	double error;             /* accumulated distance, in units of the file; 0: none */
+	double error_share;       /* the same as a share of the bounding-box diagonal; 0: none */
+
+	bool lock_boundary;       /* boundary edges stay exactly as they are */
+
+	size_t memory;            /* ceiling of the process, bytes; 0: half of what there is */
+	int threads;              /* 0: all that the process may use */
+	const char *temp_dir;     /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
+
+	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
+	uint64_t cluster_faces;   /* faces of a cluster; 0: one cluster, no rounds */
+	uint64_t micro_faces;     /* faces of a micro-cluster; 0: none */
+	uint64_t final_faces;     /* rounds go on until no more faces than this are left */
+
+	/* Told now and then: what is being done and how far it is. May be NULL. */
+	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);
+	void *progress_user;
+} wh_reduce_params;
+
+/* Phases in the order in which they run. */
+typedef enum wh_phase {
+	WH_PHASE_OPEN,     /* header; rewriting of text, polygons and strips */
+	WH_PHASE_INGEST,   /* input to cluster files */
+	WH_PHASE_SURVEY,   /* cost limit of a round */
+	WH_PHASE_DECIMATE, /* rounds over the clusters */
+	WH_PHASE_RECUT,    /* cutting anew between rounds */
+	WH_PHASE_STITCH,   /* clusters to one mesh */
+	WH_PHASE_FINAL,    /* last collapses, to the exact count */
+	WH_PHASE_CHECK,    /* topology of the result */
+	WH_PHASE_WRITE,    /* order and output */
+	WH_PHASES
+} wh_phase;
+
+/* Name of a phase, for reports. */
+const char *wh_phase_name(wh_phase phase);
+
+/* What was done. */
+typedef struct wh_reduce_report {
+	uint64_t input_bytes, input_vertices, input_faces; /* faces: triangles */
+	uint64_t polygons;             /* input faces with more than three corners */
+	uint64_t degenerate_faces;     /* dropped: a vertex repeated */
+	uint64_t unreferenced_vertices; /* dropped: in no face */
+	double diagonal;               /* of the input's bounding box */
+
+	uint64_t output_bytes, output_vertices, output_faces;
+	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
+	int64_t euler;
+	char checksum[33];             /* XXH3-128 of the output's bytes, hexadecimal */
+
+	uint64_t target_faces, target_vertices; /* as worked out; 0: none */
+	bool unchanged;                /* the target was no smaller than the input: copied */
+	bool one_less;                 /* one face fewer than asked for: parity forbids the count */
+	bool exhausted;                /* stopped above the target: nothing legal was left */
+	uint64_t nonmanifold_kept;     /* vertices locked because they are not manifold */
+	double cost_distance;          /* cost of the dearest collapse, as a distance */
+	double accumulated_error;      /* bound of the accumulated distance, worst vertex */
+
+	uint64_t clusters, rounds, cut_vertices;
+	int threads;
+	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
+	uint64_t temp_bytes_peak, bytes_read, bytes_written;
+	double seconds[WH_PHASES];
+	double seconds_total;
+} wh_reduce_report;
+
+/* Defaults of everything but input, output and limits. */
+wh_reduce_params wh_reduce_defaults(void);
+
+/*
+ * Reduces a mesh. WH_OK, or WH_E_TARGET when the target could not be reached and the best mesh
+ * was written; the report is filled in both cases. On any other failure no output appears and
+ * nothing temporary is left. c->mem->limit is set from params->memory for the time of the call.
+ */
+wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
 
 #endif

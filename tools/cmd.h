@@ -39,4 +39,7 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);
 
+/* Most memory this process ever had resident, in bytes. */
+size_t cmd_peak_rss(void);
+
 #endif

@@ -124,6 +124,14 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w);
 }
 
+size_t wh_simplify_bytes(uint64_t nv, uint64_t nf)
+{
+	const size_t vertex = 3 * sizeof(uint32_t) + sizeof(vertex_sum) + sizeof(uint64_t);
+	/* a normal, list entries, and two to three queue entries for each face */
+	const size_t face = sizeof(wh_vec3) + 9 * sizeof(uint32_t) / 2 + 3 * sizeof(wh_candidate);
+	return (size_t)nv * vertex + (size_t)nf * face + sizeof(wh_simplify_work);
+}
+
 static wh_code renew(wh_ctx *c, void *array_ptr, size_t count, size_t size)
 {
 	void *block;

@@ -37,6 +37,9 @@ typedef struct wh_simplify_work wh_simplify_work;
 wh_simplify_work *wh_simplify_work_new(wh_ctx *c);
 void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
 
+/* Bytes of workspace that a patch of these counts takes, the patch itself not included. */
+size_t wh_simplify_bytes(uint64_t nv, uint64_t nf);
+
 /*
  * Reduces p. Cut and fixed vertices stay; vertices on non-manifold or inconsistently oriented
  * edges, and those whose faces form more than one fan, are found here and fixed. Surviving

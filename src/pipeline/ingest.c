@@ -13,8 +13,9 @@
 #include <string.h>
 
 enum {
-	CHUNK = 32 * 1024,       /* vertices or faces a job */
-	SAMPLE = 256 * 1024,     /* vertices the tree is built from, at most twice as many */
+	CHUNK = 32 * 1024,   /* vertices or faces a job */
+	SAMPLE = 256 * 1024, /* vertices the tree is built from, up to twice as many ... */
+	SAMPLE_EACH = 64     /* ... and no fewer than this for a cluster */
 };
 
 /* A use of a vertex outside its home. */
@@ -75,6 +76,12 @@ static size_t chunk_items(uint64_t total, int64_t index)
 static int64_t chunks_of(uint64_t total)
 {
 	return (int64_t)((total + CHUNK - 1) / CHUNK);
+}
+
+static size_t sample_size(uint32_t clusters)
+{
+	const size_t wanted = (size_t)SAMPLE_EACH * clusters;
+	return wanted > SAMPLE ? wanted : SAMPLE;
 }
 
 /* ---- pass 1: bounds and sample ------------------------------------------------------------ */
@@ -434,7 +441,7 @@ static wh_code writers_commit(wh_ctx *c, ingest *g)
 static wh_code partition(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
 	const int64_t n = chunks_of(g->src->nv);
-	g->stride = g->src->nv / SAMPLE + 1;
+	g->stride = g->src->nv / sample_size(g->clusters) + 1;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
 	if (wh_exec_ordered(c, ex, n, survey_job, survey_commit, g) != WH_OK)
 		return c->err.code;
@@ -474,7 +481,7 @@ size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_
 {
 	const size_t bench_bytes = raw_bytes(src) + CHUNK * (size_t)(24 + 24 + 24 + 40 + 16);
 	const size_t writers = (size_t)params->clusters * (params->buffer + 1024);
-	const size_t sample = 2 * (size_t)SAMPLE * sizeof(wh_vec3);
+	const size_t sample = 2 * sample_size(params->clusters) * sizeof(wh_vec3);
 	const size_t table = (size_t)src->nv * sizeof(uint16_t);
 	return (size_t)ex->workers * bench_bytes + larger(sample, writers) + table;
 }

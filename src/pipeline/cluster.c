@@ -1,0 +1,249 @@
+#include "pipeline/cluster.h"
+
+#include "geom/kdtree.h"
+
+#include <string.h>
+
+#define SHARED (UINT32_MAX - 1) /* owner of a vertex that several micro-clusters use */
+
+enum { SAMPLE = 16 * 1024 }; /* points that a cut is worked out from */
+
+/* Fraction of the cells left of a cut: not half, so that these cuts are not the clusters' own. */
+static const double SKEW = 0.45;
+
+struct wh_cluster_work {
+	wh_simplify_work *simplify;
+	wh_patch micro;
+	uint32_t *owner; /* per vertex: the micro-cluster that uses it, WH_NONE, or SHARED */
+	uint32_t *local; /* per vertex: its place in the micro-cluster at hand, or WH_NONE */
+	size_t cap_v;
+	uint32_t *tri;   /* faces grouped by micro-cluster */
+	uint32_t *cell;  /* per face */
+	size_t cap_f;
+	uint32_t *start; /* first face of each micro-cluster, and the end */
+	size_t cap_cells;
+};
+
+wh_cluster_work *wh_cluster_work_new(wh_ctx *c)
+{
+	wh_cluster_work *w = wh_calloc(c, 1, sizeof *w);
+	if (w)
+		w->simplify = wh_simplify_work_new(c);
+	if (w && !w->simplify) {
+		wh_free(c, w);
+		return NULL;
+	}
+	return w;
+}
+
+void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w)
+{
+	if (!w)
+		return;
+	wh_simplify_work_free(c, w->simplify);
+	wh_patch_free(c, &w->micro);
+	wh_free(c, w->owner);
+	wh_free(c, w->local);
+	wh_free(c, w->tri);
+	wh_free(c, w->cell);
+	wh_free(c, w->start);
+	wh_free(c, w);
+}
+
+size_t wh_cluster_bytes(uint64_t nv, uint64_t nf)
+{
+	const size_t patch_bytes = (size_t)nv * 37 + (size_t)nf * 12;
+	const size_t cut_bytes = (size_t)nv * 8 + (size_t)nf * 16;
+	return patch_bytes + cut_bytes + wh_simplify_bytes(nv, nf) + ((size_t)1 << 20);
+}
+
+static wh_code fit(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+{
+	size_t cap_owner = w->cap_v, cap_tri = w->cap_f;
+	if (wh_reserve(c, &w->owner, &cap_owner, p->nv, sizeof *w->owner) != WH_OK ||
+	    wh_reserve(c, &w->local, &w->cap_v, p->nv, sizeof *w->local) != WH_OK ||
+	    wh_reserve(c, &w->tri, &cap_tri, p->nf, 3 * sizeof *w->tri) != WH_OK ||
+	    wh_reserve(c, &w->cell, &w->cap_f, p->nf, sizeof *w->cell) != WH_OK)
+		return c->err.code;
+	return wh_reserve(c, &w->start, &w->cap_cells, (size_t)cells + 2, sizeof *w->start);
+}
+
+/* ---- cutting ------------------------------------------------------------------------------ */
+
+static wh_code cut_tree(wh_ctx *c, const wh_patch *p, uint32_t cells, wh_kdtree *tree)
+{
+	const uint32_t stride = p->nv / SAMPLE + 1;
+	const uint32_t n = (p->nv + stride - 1) / stride;
+	wh_vec3 *sample = wh_alloc(c, n, sizeof *sample);
+	if (!sample)
+		return c->err.code;
+	for (uint32_t i = 0; i < n; i++)
+		sample[i] = p->pos[(size_t)i * stride];
+	const wh_code code = wh_kdtree_build(c, tree, sample, n, cells, SKEW);
+	wh_free(c, sample);
+	return code;
+}
+
+/* The cell of two corners, else of the first: these cuts need no more. */
+static uint32_t face_cell(const uint32_t *home, const uint32_t *t)
+{
+	const uint32_t a = home[t[0]], b = home[t[1]], d = home[t[2]];
+	return b == d ? b : a;
+}
+
+static void group_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+{
+	memset(w->start, 0, ((size_t)cells + 2) * sizeof *w->start);
+	for (uint32_t f = 0; f < p->nf; f++) {
+		w->cell[f] = face_cell(w->local, &p->tri[3 * (size_t)f]);
+		w->start[w->cell[f] + 2]++;
+	}
+	for (uint32_t k = 0; k < cells; k++)
+		w->start[k + 2] += w->start[k + 1];
+	for (uint32_t f = 0; f < p->nf; f++) /* start[k+1] runs from k's begin to its end */
+		memcpy(&w->tri[3 * (size_t)w->start[w->cell[f] + 1]++], &p->tri[3 * (size_t)f],
+		       3 * sizeof *w->tri);
+}
+
+static void find_owners(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+{
+	memset(w->owner, 0xff, p->nv * sizeof *w->owner);
+	for (uint32_t k = 0; k < cells; k++)
+		for (size_t i = 3 * (size_t)w->start[k]; i < 3 * (size_t)w->start[k + 1]; i++) {
+			uint32_t *o = &w->owner[w->tri[i]];
+			*o = *o == WH_NONE || *o == k ? k : SHARED;
+		}
+}
+
+/* Groups the faces of p by micro-cluster into w->tri and finds who uses each vertex. */
+static wh_code cut(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+{
+	if (fit(c, w, p, cells) != WH_OK)
+		return c->err.code;
+	wh_kdtree tree;
+	if (cut_tree(c, p, cells, &tree) != WH_OK)
+		return c->err.code;
+	for (uint32_t v = 0; v < p->nv; v++)
+		w->local[v] = wh_kdtree_cell(&tree, &p->pos[v]);
+	wh_kdtree_free(c, &tree);
+	group_faces(w, p, cells);
+	find_owners(w, p, cells);
+	memset(w->local, 0xff, p->nv * sizeof *w->local);
+	return WH_OK;
+}
+
+/* ---- one micro-cluster -------------------------------------------------------------------- */
+
+/* Copies micro-cluster k out of p; its vertices' gid is their place in p. */
+static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t k)
+{
+	const uint32_t nf = w->start[k + 1] - w->start[k];
+	wh_patch *m = &w->micro;
+	/* a vertex a face in the worst case; a little more than half in practice */
+	if (wh_patch_reset(c, m, 3 * nf < p->nv ? 3 * nf : p->nv, nf) != WH_OK)
+		return c->err.code;
+	const uint32_t *from = &w->tri[3 * (size_t)w->start[k]];
+	uint32_t nv = 0;
+	for (size_t i = 0; i < 3 * (size_t)nf; i++) {
+		const uint32_t v = from[i];
+		if (w->local[v] == WH_NONE) {
+			w->local[v] = nv;
+			m->pos[nv] = p->pos[v];
+			m->err[nv] = p->err[v];
+			m->gid[nv] = v;
+			m->flag[nv] = (uint8_t)((p->flag[v] & WH_CUT) |
+			                        (w->owner[v] == SHARED ? WH_CUT : 0));
+			nv++;
+		}
+		m->tri[i] = w->local[v];
+	}
+	m->nv = nv;
+	for (uint32_t i = 0; i < nv; i++)
+		w->local[m->gid[i]] = WH_NONE;
+	return WH_OK;
+}
+
+/* Puts what is left of the micro-cluster back, its faces after the nf that p has so far. */
+static void put_back(const wh_patch *m, wh_patch *p, uint32_t *nf)
+{
+	for (uint32_t v = 0; v < m->nv; v++) {
+		p->pos[m->gid[v]] = m->pos[v];
+		p->err[m->gid[v]] = m->err[v];
+	}
+	uint32_t *to = &p->tri[3 * (size_t)*nf];
+	for (size_t i = 0; i < 3 * (size_t)m->nf; i++)
+		to[i] = (uint32_t)m->gid[m->tri[i]];
+	*nf += m->nf;
+}
+
+static void keep_extremes(wh_simplify_result *all, const wh_simplify_result *one)
+{
+	all->collapses += one->collapses;
+	if (one->highest_cost > all->highest_cost) {
+		all->highest_cost = one->highest_cost;
+		all->cost_distance = one->cost_distance;
+	}
+	all->highest_err = fmax(all->highest_err, one->highest_err);
+}
+
+static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
+                             const wh_cluster_params *params, wh_simplify_result *result)
+{
+	const uint32_t cells = (p->nf + params->micro_faces - 1) / params->micro_faces;
+	if (cut(c, w, p, cells) != WH_OK)
+		return c->err.code;
+	wh_simplify_params inner = params->all;
+	inner.max_cost = params->micro_cost;
+	uint32_t nf = 0;
+	for (uint32_t k = 0; k < cells; k++) {
+		wh_simplify_result one;
+		if (wh_poll(c) != WH_OK || take_out(c, w, p, k) != WH_OK ||
+		    wh_simplify(c, w->simplify, &w->micro, &inner, &one) != WH_OK)
+			return c->err.code;
+		put_back(&w->micro, p, &nf);
+		keep_extremes(result, &one);
+	}
+	p->nf = nf;
+	(void)wh_patch_compact(p, w->local);
+	return WH_OK;
+}
+
+wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
+                          const wh_cluster_params *params, wh_simplify_result *result)
+{
+	*result = (wh_simplify_result){0};
+	if (params->micro_faces && p->nf > 2 * (uint64_t)params->micro_faces &&
+	    reduce_micros(c, w, p, params, result) != WH_OK)
+		return c->err.code;
+	wh_simplify_result last;
+	if (wh_simplify(c, w->simplify, p, &params->all, &last) != WH_OK)
+		return c->err.code;
+	keep_extremes(result, &last);
+	result->fixed = last.fixed;
+	result->exhausted = last.exhausted;
+	return WH_OK;
+}
+
+wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_work *w, wh_patch *p, uint32_t piece_faces,
+                          uint32_t pieces, const wh_simplify_params *params, wh_survey *survey)
+{
+	const uint32_t cells = (p->nf + piece_faces - 1) / piece_faces;
+	if (cells == 0)
+		return WH_OK;
+	if (cut(c, w, p, cells) != WH_OK)
+		return c->err.code;
+	pieces = pieces < cells ? pieces : cells;
+	wh_simplify_params inner = *params;
+	inner.histogram = survey->histogram;
+	for (uint32_t i = 0; i < pieces; i++) {
+		const uint32_t k = (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)pieces));
+		wh_simplify_result one;
+		if (wh_poll(c) != WH_OK || take_out(c, w, p, k) != WH_OK)
+			return c->err.code;
+		for (uint32_t v = 0; v < w->micro.nv; v++)
+			survey->free_vertices += !(w->micro.flag[v] & WH_CUT);
+		if (wh_simplify(c, w->simplify, &w->micro, &inner, &one) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
+}

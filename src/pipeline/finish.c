@@ -1,0 +1,254 @@
+#include "pipeline/finish.h"
+
+#include "geom/morton.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf)
+{
+	const size_t patch_bytes = (size_t)nv * 37 + (size_t)nf * 12;
+	const size_t engine = wh_simplify_bytes(nv, nf);
+	return patch_bytes + engine + ((size_t)2 << 20);
+}
+
+/* ---- stitching ---------------------------------------------------------------------------- */
+
+typedef struct copy {
+	uint64_t gid;
+	uint32_t at; /* place in the patch */
+} copy;
+
+typedef struct copies {
+	copy *item;
+	size_t n, cap;
+} copies;
+
+static int compare_copies(const void *a, const void *b)
+{
+	const copy *x = a, *y = b;
+	if (x->gid != y->gid)
+		return x->gid < y->gid ? -1 : 1;
+	return (x->at > y->at) - (x->at < y->at);
+}
+
+/* Appends one cluster; notes the places of its cut vertices. */
+static wh_code append(wh_ctx *c, wh_patch *p, const wh_patch *one, copies *cut)
+{
+	for (uint32_t v = 0; v < one->nv; v++) {
+		const uint32_t at = p->nv + v;
+		p->pos[at] = one->pos[v];
+		p->gid[at] = one->gid[v];
+		p->err[at] = one->err[v];
+		p->flag[at] = 0;
+		if (!(one->flag[v] & WH_CUT))
+			continue;
+		if (wh_reserve(c, &cut->item, &cut->cap, cut->n + 1, sizeof *cut->item) != WH_OK)
+			return c->err.code;
+		cut->item[cut->n++] = (copy){one->gid[v], at};
+	}
+	uint32_t *to = &p->tri[3 * (size_t)p->nf];
+	for (size_t i = 0; i < 3 * (size_t)one->nf; i++)
+		to[i] = one->tri[i] + p->nv;
+	p->nv += one->nv;
+	p->nf += one->nf;
+	return WH_OK;
+}
+
+/* Faces use the first copy of each cut vertex; the others vanish. A bound that grew on one side
+ * holds for the vertex. */
+static wh_code join_copies(wh_ctx *c, wh_patch *p, copies *cut)
+{
+	uint32_t *map = wh_alloc(c, p->nv, sizeof *map);
+	if (!map)
+		return c->err.code;
+	for (uint32_t v = 0; v < p->nv; v++)
+		map[v] = v;
+	if (cut->n)
+		qsort(cut->item, cut->n, sizeof *cut->item, compare_copies);
+	for (size_t i = 1; i < cut->n; i++) {
+		if (cut->item[i].gid != cut->item[i - 1].gid)
+			continue;
+		const uint32_t first = map[cut->item[i - 1].at];
+		map[cut->item[i].at] = first;
+		p->err[first] = fmaxf(p->err[first], p->err[cut->item[i].at]);
+	}
+	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
+		p->tri[i] = map[p->tri[i]];
+	(void)wh_patch_compact(p, map);
+	wh_free(c, map);
+	return WH_OK;
+}
+
+static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
+{
+	uint64_t nv = 0, nf = 0;
+	for (uint32_t k = 0; k < store->clusters; k++) {
+		uint64_t f, v;
+		if (wh_store_counts(c, store, k, &f, &v) != WH_OK)
+			return c->err.code;
+		nv += v;
+		nf += f;
+	}
+	if (nv >= UINT32_MAX || nf >= UINT32_MAX / 3)
+		return wh_fail(c, WH_E_PLAN,
+		               "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
+		               (unsigned long long)nf);
+	if (wh_patch_reset(c, p, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+		return c->err.code;
+	p->nv = p->nf = 0;
+	return WH_OK;
+}
+
+wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
+                         uint64_t *unreferenced)
+{
+	wh_store_scratch scratch = {0};
+	wh_patch one = {0};
+	copies cut = {0};
+	*unreferenced = 0;
+	wh_progress_phase(progress, "stitch", store->clusters);
+	wh_code code = make_room(c, store, p);
+	for (uint32_t k = 0; code == WH_OK && k < store->clusters; k++) {
+		code = wh_poll(c);
+		if (code == WH_OK)
+			code = wh_store_load(c, store, k, &scratch, &one);
+		if (code == WH_OK)
+			code = append(c, p, &one, &cut);
+		*unreferenced += scratch.unreferenced;
+		wh_progress_add(progress, 1);
+	}
+	wh_store_scratch_free(c, &scratch);
+	wh_patch_free(c, &one);
+	if (code == WH_OK)
+		code = join_copies(c, p, &cut);
+	wh_free(c, cut.item);
+	return code;
+}
+
+/* ---- order -------------------------------------------------------------------------------- */
+
+typedef struct place {
+	uint64_t key;
+	uint32_t v;
+} place;
+
+/* Least significant digit first, 11 bits at a time. Leaves the result in `a`. */
+static void sort_places(place *a, place *b, uint32_t n)
+{
+	for (unsigned shift = 0; shift < 66; shift += 11) {
+		uint32_t start[2049] = {0};
+		for (uint32_t i = 0; i < n; i++)
+			start[(a[i].key >> shift & 2047) + 1]++;
+		for (int d = 0; d < 2048; d++)
+			start[d + 1] += start[d];
+		for (uint32_t i = 0; i < n; i++)
+			b[start[a[i].key >> shift & 2047]++] = a[i];
+		place *t = a;
+		a = b;
+		b = t;
+	}
+}
+
+static void curve_places(const wh_patch *p, place *at)
+{
+	wh_vec3 lo = p->nv ? p->pos[0] : wh_v3(0, 0, 0), hi = lo;
+	for (uint32_t v = 1; v < p->nv; v++) {
+		const wh_vec3 q = p->pos[v];
+		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
+		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
+	}
+	const double side = fmax(hi.x - lo.x, fmax(hi.y - lo.y, hi.z - lo.z));
+	const double scale = side > 0 ? 2097151.0 / side : 0;
+	for (uint32_t v = 0; v < p->nv; v++)
+		at[v] = (place){wh_morton_key(p->pos[v], lo, scale), v};
+}
+
+/* Turns each face so that its least vertex comes first, keeping its direction. */
+static void least_first(uint32_t *t)
+{
+	while (t[0] > t[1] || t[0] > t[2]) {
+		const uint32_t a = t[0];
+		t[0] = t[1];
+		t[1] = t[2];
+		t[2] = a;
+	}
+}
+
+/* Faces by their first vertex (counting sort; start: nv + 1 entries of scratch). */
+static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
+{
+	memset(start, 0, ((size_t)p->nv + 1) * sizeof *start);
+	for (uint32_t f = 0; f < p->nf; f++)
+		start[p->tri[3 * (size_t)f] + 1]++;
+	for (uint32_t v = 0; v < p->nv; v++)
+		start[v + 1] += start[v];
+	for (uint32_t f = 0; f < p->nf; f++) {
+		const uint32_t *t = &p->tri[3 * (size_t)f];
+		memcpy(&tri[3 * (size_t)start[t[0]]++], t, 3 * sizeof *t);
+	}
+}
+
+wh_code wh_finish_order(wh_ctx *c, wh_patch *p)
+{
+	place *at = wh_alloc(c, p->nv, 2 * sizeof *at);
+	uint32_t *map = wh_alloc(c, (size_t)p->nv + 1, sizeof *map);
+	wh_vec3 *pos = wh_alloc(c, p->nv, sizeof *pos);
+	uint32_t *tri = wh_alloc(c, p->nf, 3 * sizeof *tri);
+	if (at && map && pos && tri) {
+		curve_places(p, at);
+		sort_places(at, at + p->nv, p->nv);
+		for (uint32_t i = 0; i < p->nv; i++) {
+			map[at[i].v] = i;
+			pos[i] = p->pos[at[i].v];
+		}
+		memcpy(p->pos, pos, p->nv * sizeof *pos);
+		for (uint32_t f = 0; f < p->nf; f++) {
+			uint32_t *t = &p->tri[3 * (size_t)f];
+			for (int k = 0; k < 3; k++)
+				t[k] = map[t[k]];
+			least_first(t);
+		}
+		order_faces(p, map, tri);
+		memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
+	}
+	wh_free(c, at);
+	wh_free(c, map);
+	wh_free(c, pos);
+	wh_free(c, tri);
+	return c->err.code;
+}
+
+/* ---- output ------------------------------------------------------------------------------- */
+
+enum { WRITE_CHUNK = 16 * 1024 };
+
+wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
+                        const wh_patch *p, wh_vec3 origin)
+{
+	double *xyz = wh_alloc(c, WRITE_CHUNK, 3 * sizeof *xyz);
+	if (!xyz)
+		return c->err.code;
+	wh_progress_phase(progress, "write", (uint64_t)p->nv + p->nf);
+	wh_code code = wh_ply_write_header(c, out, style, p->nv, p->nf);
+	for (uint32_t v = 0; code == WH_OK && v < p->nv; v += WRITE_CHUNK) {
+		const uint32_t n = p->nv - v < WRITE_CHUNK ? p->nv - v : WRITE_CHUNK;
+		for (uint32_t i = 0; i < n; i++) {
+			const wh_vec3 q = wh_add(p->pos[v + i], origin);
+			xyz[3 * (size_t)i] = q.x;
+			xyz[3 * (size_t)i + 1] = q.y;
+			xyz[3 * (size_t)i + 2] = q.z;
+		}
+		code = wh_ply_write_vertices(c, out, style, xyz, n);
+		wh_progress_add(progress, n);
+	}
+	for (uint32_t f = 0; code == WH_OK && f < p->nf; f += WRITE_CHUNK) {
+		const uint32_t n = p->nf - f < WRITE_CHUNK ? p->nf - f : WRITE_CHUNK;
+		code = wh_ply_write_triangles(c, out, style, &p->tri[3 * (size_t)f], n);
+		wh_progress_add(progress, n);
+		if (code == WH_OK)
+			code = wh_poll(c);
+	}
+	wh_free(c, xyz);
+	return code;
+}

@@ -1,0 +1,27 @@
+/*
+ * finish: all clusters in memory, stitched; the last collapses in global order; the output.
+ */
+#ifndef WH_PIPELINE_FINISH_H
+#define WH_PIPELINE_FINISH_H
+
+#include "algo/simplify.h"
+#include "io/outfile.h"
+#include "io/ply.h"
+#include "pipeline/progress.h"
+#include "pipeline/store.h"
+
+/* Bytes that the final pass takes on a mesh of these counts. */
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf);
+
+/* Loads every cluster into one patch and makes each cut vertex one again: no vertex is cut. */
+wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
+                         uint64_t *unreferenced);
+
+/* Orders vertices along a space-filling curve and faces by their first vertex. */
+wh_code wh_finish_order(wh_ctx *c, wh_patch *p);
+
+/* Writes p, moved by `origin`, to an open output. */
+wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
+                        const wh_patch *p, wh_vec3 origin);
+
+#endif

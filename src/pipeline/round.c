@@ -1,0 +1,221 @@
+#include "pipeline/round.h"
+
+#include <string.h>
+
+/* What one worker needs. */
+typedef struct hand {
+	wh_store_scratch scratch;
+	wh_patch patch;
+	wh_cluster_work *work;
+} hand;
+
+static hand *hands_make(wh_ctx *c, int workers)
+{
+	hand *h = wh_calloc(c, (size_t)workers, sizeof *h);
+	for (int i = 0; h && i < workers; i++)
+		h[i].work = wh_cluster_work_new(c); /* a failure is recorded and seen by the caller */
+	return h;
+}
+
+static void hands_free(wh_ctx *c, hand *h, int workers)
+{
+	for (int i = 0; h && i < workers; i++) {
+		wh_store_scratch_free(c, &h[i].scratch);
+		wh_patch_free(c, &h[i].patch);
+		wh_cluster_work_free(c, h[i].work);
+	}
+	wh_free(c, h);
+}
+
+/* ---- survey ------------------------------------------------------------------------------- */
+
+enum { SURVEY_CLUSTERS = 16, SURVEY_LEAST = 4, SURVEY_SHARE = 16 };
+
+typedef struct survey_run {
+	const wh_store *store;
+	wh_progress *progress;
+	hand *hands;
+	const wh_simplify_params *params;
+	uint32_t piece_faces;
+	uint32_t samples; /* clusters surveyed */
+	uint32_t pieces;  /* in each */
+	wh_survey *part;  /* one for each sample */
+} survey_run;
+
+static uint32_t survey_cluster(const survey_run *r, int64_t index)
+{
+	return (uint32_t)((2 * (uint64_t)index + 1) * r->store->clusters / (2 * (uint64_t)r->samples));
+}
+
+static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const survey_run *r = arg;
+	hand *h = &r->hands[worker];
+	if (wh_store_load(c, r->store, survey_cluster(r, index), &h->scratch, &h->patch) != WH_OK ||
+	    wh_cluster_survey(c, h->work, &h->patch, r->piece_faces, r->pieces, r->params,
+	                      &r->part[index]) != WH_OK)
+		return c->err.code;
+	wh_progress_add(r->progress, 1);
+	return WH_OK;
+}
+
+/* How many pieces in how many clusters: a share of all, spread over the whole store. */
+static wh_code survey_size(wh_ctx *c, survey_run *r)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(c, r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return c->err.code;
+	const uint64_t all = faces / r->piece_faces + 1;
+	uint64_t pieces = all / SURVEY_SHARE;
+	pieces = pieces < SURVEY_LEAST ? SURVEY_LEAST : pieces > 64 ? 64 : pieces;
+	r->samples = r->store->clusters < SURVEY_CLUSTERS ? r->store->clusters : SURVEY_CLUSTERS;
+	if (r->samples > pieces)
+		r->samples = (uint32_t)pieces;
+	r->pieces = (uint32_t)((pieces + r->samples - 1) / r->samples);
+	return WH_OK;
+}
+
+static wh_code survey_parts(wh_ctx *c, survey_run *r)
+{
+	r->part = wh_calloc(c, r->samples, sizeof *r->part);
+	for (uint32_t i = 0; r->part && i < r->samples; i++)
+		if (!(r->part[i].histogram = wh_calloc(c, WH_HIST_BINS, sizeof(uint64_t))))
+			break;
+	return c->err.code;
+}
+
+static void survey_sum(const survey_run *r, wh_survey *survey)
+{
+	for (uint32_t i = 0; i < r->samples; i++) {
+		survey->free_vertices += r->part[i].free_vertices;
+		for (int b = 0; b < WH_HIST_BINS; b++)
+			survey->histogram[b] += r->part[i].histogram[b];
+	}
+}
+
+wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
+                        uint32_t piece_faces, const wh_simplify_params *params, wh_survey *survey)
+{
+	survey_run r = {.store = store, .progress = progress, .params = params,
+	                .piece_faces = piece_faces};
+	if (survey_size(c, &r) != WH_OK)
+		return c->err.code;
+	wh_progress_phase(progress, "survey", r.samples);
+	r.hands = hands_make(c, ex->workers);
+	wh_code code = survey_parts(c, &r);
+	if (code == WH_OK)
+		code = wh_exec_for(c, ex, r.samples, survey_job, &r);
+	if (code == WH_OK)
+		survey_sum(&r, survey);
+	for (uint32_t i = 0; r.part && i < r.samples; i++)
+		wh_free(c, r.part[i].histogram);
+	wh_free(c, r.part);
+	hands_free(c, r.hands, ex->workers);
+	return code;
+}
+
+double wh_survey_cost(const wh_survey *survey, double keep)
+{
+	const double gone = (1.0 - keep) * (double)survey->free_vertices;
+	uint64_t sum = 0;
+	int last = 0;
+	for (int b = 0; b < WH_HIST_BINS; b++) {
+		if (survey->histogram[b] == 0)
+			continue;
+		sum += survey->histogram[b];
+		if ((double)sum > gone) /* this bin would take too many: the one before it */
+			return wh_histogram_cost(last);
+		last = b;
+	}
+	return wh_histogram_cost(last);
+}
+
+/* ---- decimation --------------------------------------------------------------------------- */
+
+typedef struct reduce_run {
+	const wh_store *from, *to;
+	wh_progress *progress;
+	hand *hands;
+	const wh_cluster_params *params;
+	wh_round_result *part; /* one for each cluster */
+} reduce_run;
+
+static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const reduce_run *r = arg;
+	hand *h = &r->hands[worker];
+	const uint32_t k = (uint32_t)index;
+	wh_round_result *out = &r->part[index];
+	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	const uint32_t before = h->patch.nf;
+	out->unreferenced = h->scratch.unreferenced;
+	if (wh_cluster_reduce(c, h->work, &h->patch, r->params, &out->work) != WH_OK ||
+	    wh_store_save(c, r->to, k, &h->patch) != WH_OK)
+		return c->err.code;
+	out->faces = h->patch.nf;
+	out->vertices = h->patch.nv;
+	wh_progress_add(r->progress, before);
+	return WH_OK;
+}
+
+static void result_add(wh_round_result *sum, const wh_round_result *one)
+{
+	sum->faces += one->faces;
+	sum->vertices += one->vertices;
+	sum->unreferenced += one->unreferenced;
+	sum->work.collapses += one->work.collapses;
+	sum->work.highest_err = fmax(sum->work.highest_err, one->work.highest_err);
+	if (one->work.highest_cost > sum->work.highest_cost) {
+		sum->work.highest_cost = one->work.highest_cost;
+		sum->work.cost_distance = one->work.cost_distance;
+	}
+}
+
+wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                        wh_store *to, const wh_cluster_params *params, wh_round_result *result)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return c->err.code;
+	to->clusters = from->clusters;
+	to->id_bytes = from->id_bytes;
+	to->coord_bytes = from->coord_bytes;
+	to->vertex_payload = sizeof(float);
+	to->local_corners = true;
+	wh_progress_phase(progress, "decimate", faces);
+	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
+	r.hands = hands_make(c, ex->workers);
+	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
+	wh_code code = c->err.code;
+	if (code == WH_OK)
+		code = wh_exec_for(c, ex, from->clusters, reduce_job, &r);
+	*result = (wh_round_result){0};
+	for (uint32_t k = 0; code == WH_OK && k < from->clusters; k++)
+		result_add(result, &r.part[k]);
+	wh_free(c, r.part);
+	hands_free(c, r.hands, ex->workers);
+	return code;
+}
+
+void wh_round_remove(const wh_store *store)
+{
+	for (uint32_t k = 0; k < store->clusters; k++)
+		wh_store_remove(store, k);
+}
+
+wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
+                        uint64_t *max_faces, uint64_t *faces, uint64_t *vertices)
+{
+	*max_vertices = *max_faces = *faces = *vertices = 0;
+	for (uint32_t k = 0; k < store->clusters; k++) {
+		uint64_t nf, nv;
+		if (wh_store_counts(c, store, k, &nf, &nv) != WH_OK)
+			return c->err.code;
+		*faces += nf;
+		*vertices += nv;
+		*max_faces = nf > *max_faces ? nf : *max_faces;
+		*max_vertices = nv > *max_vertices ? nv : *max_vertices;
+	}
+	return WH_OK;
+}

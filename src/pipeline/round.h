@@ -1,0 +1,49 @@
+/*
+ * round: one pass over all clusters of a store, in parallel: survey, decimate, cut anew.
+ */
+#ifndef WH_PIPELINE_ROUND_H
+#define WH_PIPELINE_ROUND_H
+
+#include "exec/exec.h"
+#include "pipeline/cluster.h"
+#include "pipeline/progress.h"
+#include "pipeline/store.h"
+
+/* What a round left behind; sums and extremes over the clusters. */
+typedef struct wh_round_result {
+	uint64_t faces, vertices; /* vertices: a cut vertex counts once in every cluster it is in */
+	uint64_t unreferenced;    /* dropped by the loads */
+	wh_simplify_result work;
+} wh_round_result;
+
+/*
+ * Fits a survey to a share of all pieces of the store (fixed places, at most a sixteenth and no
+ * fewer than four): the histogram of what collapses cost and the number of vertices it is out of.
+ */
+wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
+                        uint32_t piece_faces, const wh_simplify_params *params, wh_survey *survey);
+
+/* The cost at which a share `keep` of the surveyed vertices is left. */
+double wh_survey_cost(const wh_survey *survey, double keep);
+
+/* Decimates every cluster of `from` into `to` (spill and generation set by the caller; the rest
+ * is filled in). `from` stays. */
+wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                        wh_store *to, const wh_cluster_params *params, wh_round_result *result);
+
+/*
+ * Cuts the mesh of `from` into `to->clusters` other clusters. Local corners become global ids;
+ * vertices that only one new cluster uses are free again. `cut_vertices` gets the number of the
+ * others.
+ */
+wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                       wh_store *to, double skew, size_t buffer, uint64_t *cut_vertices);
+
+/* Removes all cluster files of a store. */
+void wh_round_remove(const wh_store *store);
+
+/* Largest counts of one cluster of the store, and the sum of its faces. */
+wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
+                        uint64_t *max_faces, uint64_t *faces, uint64_t *vertices);
+
+#endif

@@ -1,0 +1,148 @@
+#define _POSIX_C_SOURCE 200809L
+#include "reduce_report.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/resource.h>
+
+size_t cmd_peak_rss(void)
+{
+	struct rusage u;
+	return getrusage(RUSAGE_SELF, &u) == 0 ? (size_t)u.ru_maxrss * 1024 : 0;
+}
+
+double reduce_faces_per_second(const wh_reduce_report *r)
+{
+	const uint64_t gone = r->input_faces > r->output_faces ? r->input_faces - r->output_faces : 0;
+	return r->seconds_total > 0 ? (double)gone / r->seconds_total : 0;
+}
+
+static void put_count(json_t *o, const char *key, uint64_t n)
+{
+	(void)json_object_set_new(o, key, json_integer((json_int_t)n));
+}
+
+static void put_real(json_t *o, const char *key, double x)
+{
+	(void)json_object_set_new(o, key, json_real(x));
+}
+
+static void put_text(json_t *o, const char *key, const char *text)
+{
+	(void)json_object_set_new(o, key, json_string(text));
+}
+
+static void put_flag(json_t *o, const char *key, bool on)
+{
+	(void)json_object_set_new(o, key, json_boolean(on));
+}
+
+static json_t *put_object(json_t *o, const char *key)
+{
+	json_t *child = json_object();
+	(void)json_object_set_new(o, key, child);
+	return child;
+}
+
+static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	json_t *o = put_object(root, "parameters");
+	put_count(o, "faces", p->faces);
+	put_real(o, "face_ratio", p->face_ratio);
+	put_count(o, "vertices", p->vertices);
+	put_real(o, "vertex_ratio", p->vertex_ratio);
+	put_real(o, "error", p->error);
+	put_real(o, "error_share", p->error_share);
+	put_flag(o, "lock_boundary", p->lock_boundary);
+	put_count(o, "memory_bytes", r->memory_ceiling);
+	put_count(o, "cluster_faces", p->cluster_faces);
+	put_count(o, "micro_faces", p->micro_faces);
+	put_count(o, "final_faces", p->final_faces);
+}
+
+static void put_input(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	json_t *o = put_object(root, "input");
+	put_text(o, "path", p->input);
+	put_count(o, "bytes", r->input_bytes);
+	put_count(o, "vertices", r->input_vertices);
+	put_count(o, "faces", r->input_faces);
+	put_count(o, "polygons", r->polygons);
+	put_count(o, "degenerate_faces", r->degenerate_faces);
+	put_count(o, "unreferenced_vertices", r->unreferenced_vertices);
+	put_real(o, "diagonal", r->diagonal);
+}
+
+static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	json_t *o = put_object(root, "output");
+	put_text(o, "path", p->output);
+	put_count(o, "bytes", r->output_bytes);
+	put_count(o, "vertices", r->output_vertices);
+	put_count(o, "faces", r->output_faces);
+	put_text(o, "checksum_xxh3_128", r->checksum);
+	if (r->unchanged)
+		return; /* copied, not looked at */
+	put_count(o, "boundary_edges", r->boundary_edges);
+	put_count(o, "boundary_loops", r->boundary_loops);
+	put_count(o, "nonmanifold_edges", r->nonmanifold_edges);
+	put_count(o, "components", r->components);
+	(void)json_object_set_new(o, "euler_characteristic", json_integer(r->euler));
+}
+
+static void put_outcome(json_t *root, const wh_reduce_report *r)
+{
+	json_t *t = put_object(root, "target");
+	put_count(t, "faces", r->target_faces);
+	put_count(t, "vertices", r->target_vertices);
+	put_flag(t, "unchanged", r->unchanged);
+	put_flag(t, "one_less", r->one_less);
+	put_flag(t, "exhausted", r->exhausted);
+	json_t *e = put_object(root, "error");
+	put_real(e, "cost_distance", r->cost_distance);
+	put_real(e, "accumulated_bound", r->accumulated_error);
+	put_count(root, "nonmanifold_vertices_kept", r->nonmanifold_kept);
+}
+
+static void put_costs(json_t *root, const wh_reduce_report *r)
+{
+	put_count(root, "clusters", r->clusters);
+	put_count(root, "rounds", r->rounds);
+	put_count(root, "cut_vertices", r->cut_vertices);
+	put_count(root, "threads", (uint64_t)r->threads);
+	put_count(root, "ranks", 1);
+	put_count(root, "peak_rss_bytes", cmd_peak_rss());
+	put_count(root, "temp_bytes_peak", r->temp_bytes_peak);
+	put_count(root, "bytes_read", r->bytes_read);
+	put_count(root, "bytes_written", r->bytes_written);
+	json_t *s = put_object(root, "seconds");
+	for (int i = 0; i < WH_PHASES; i++)
+		put_real(s, wh_phase_name((wh_phase)i), r->seconds[i]);
+	put_real(s, "total", r->seconds_total);
+	put_real(root, "faces_per_second", reduce_faces_per_second(r));
+}
+
+int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
+                        const wh_reduce_report *r)
+{
+	json_t *root = json_object();
+	put_text(root, "version", WHITTLE_VERSION);
+	put_parameters(root, p, r);
+	put_input(root, p, r);
+	put_output(root, p, r);
+	put_outcome(root, r);
+	put_costs(root, r);
+	FILE *f = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
+	int status = -1;
+	if (f) {
+		status = json_dumpf(root, f, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+		(void)fputc('\n', f);
+		if ((f == stdout ? fflush(f) : fclose(f)) != 0)
+			status = -1;
+	}
+	if (status != 0)
+		(void)fprintf(stderr, "whittle %s: cannot write the report to '%s'\n", e->name, path);
+	json_decref(root);
+	return status;
+}

@@ -1,0 +1,15 @@
+/* reduce_report: the report of a reduction as JSON. */
+#ifndef WH_TOOLS_REDUCE_REPORT_H
+#define WH_TOOLS_REDUCE_REPORT_H
+
+#include "cmd.h"
+#include "whittle.h"
+
+/* Faces removed in a second of the whole run. */
+double reduce_faces_per_second(const wh_reduce_report *r);
+
+/* Writes the report to `path` ("-": standard output). 0, or -1 after printing why not. */
+int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
+                        const wh_reduce_report *r);
+
+#endif
