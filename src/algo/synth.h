@@ -11,7 +11,7 @@
  *   torus    closed, genus 1, radii 9000 and 3600
  *   terrain  a height field of 30000 x 30000 with a wavy outer border and holes in it
  *
- * Relief is a sum of octaves of value noise down to a few sample spacings; a low octave says
+ * Relief is a sum of octaves of gradient noise down to a few sample spacings; a low octave says
  * where the fine ones are strong, so that there are detailed and smooth regions. Measurement
  * noise goes mostly along the normal. Positions are multiples of 2^-10, which a float holds
  * exactly; adding the offset in double is exact too.

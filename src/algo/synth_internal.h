@@ -5,7 +5,7 @@
 #include "algo/synth.h"
 #include "base/permute.h"
 
-/* ---- relief: a sum of octaves of value noise (synth_relief.c) ---- */
+/* ---- relief: a sum of octaves of gradient noise (synth_relief.c) ---- */
 
 enum { SYNTH_OCTAVES = 10 };
 
@@ -25,7 +25,7 @@ typedef struct synth_relief {
 /* The last lattice cell of every octave: neighbours in a row mostly share it. */
 typedef struct synth_cell {
 	uint32_t x, y, z;
-	double value[8];
+	wh_vec3 slope[8];
 } synth_cell;
 
 /* What one worker keeps from one vertex to the next, for speed alone. Start with

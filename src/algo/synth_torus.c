@@ -1,8 +1,8 @@
 /*
  * Torus: m rings of n samples, both ways around. V = mn, F = 2mn.
  *
- * Relief moves points away from the middle of the tube, at most a fifth of its radius, which is
- * less than half the ring's: the surface cannot cut itself.
+ * Relief moves points away from the middle of the tube, by less than a third of its radius, and the
+ * ring is wider than the tube: the surface cannot cut itself.
  *
  * Flat parts: where the tube's normal points up or down by more than t, the tube is cut at the
  * height t r; that is the share s of every ring for t = cos(pi s / 2).
