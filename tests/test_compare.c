@@ -1,0 +1,425 @@
+/* The distance of points and surfaces: exact where it can be known, brute force elsewhere. */
+#include "testing.h"
+
+#include "algo/compare.h"
+#include "base/rng.h"
+#include "geom/tri.h"
+#include "mesh/bvh.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static double signed_unit(wh_rng *g)
+{
+	return 2 * wh_rng_unit(g) - 1;
+}
+
+static wh_vec3 random_point(wh_rng *g)
+{
+	const double x = signed_unit(g), y = signed_unit(g);
+	return wh_v3(x, y, signed_unit(g));
+}
+
+/* ---- point and triangle
+ * --------------------------------------------------------------------------- */
+
+static void dist2_is(wh_vec3 p, double want)
+{
+	const wh_vec3 a = {0, 0, 0}, b = {4, 0, 0}, c = {0, 4, 0};
+	assert_true(fabs(wh_tri_dist2(p, a, b, c) - want) < 1e-14);
+	assert_true(fabs(wh_tri_dist2(p, c, b, a) - want) < 1e-14);
+	assert_true(fabs(wh_tri_dist2(p, b, c, a) - want) < 1e-14);
+}
+
+/*  c
+ *  | \      one point for each of the seven regions
+ *  a---b  */
+static void nearest_point_is_found_in_every_region(void **state)
+{
+	(void)state;
+	dist2_is(wh_v3(1, 1, 3), 9);
+	dist2_is(wh_v3(2, -1, 2), 5);
+	dist2_is(wh_v3(-1, 2, 2), 5);
+	dist2_is(wh_v3(4, 4, 0), 8);
+	dist2_is(wh_v3(-1, -2, 2), 9);
+	dist2_is(wh_v3(6, -1, 0), 5);
+	dist2_is(wh_v3(-1, 6, 1), 6);
+	dist2_is(wh_v3(1, 1, 0), 0);
+}
+
+static void degenerate_triangles_are_segments_and_points(void **state)
+{
+	(void)state;
+	const wh_vec3 o = {0, 0, 0}, x = {2, 0, 0}, m = {1, 0, 0}, p = {1, 3, 0}, q = {5, 0, 4};
+	assert_true(wh_tri_dist2(p, o, o, o) == 10);
+	assert_true(wh_tri_dist2(p, o, x, m) == 9);
+	assert_true(wh_tri_dist2(p, o, m, x) == 9);
+	assert_true(wh_tri_dist2(p, x, x, o) == 9);
+	assert_true(wh_tri_dist2(q, o, m, x) == 25);
+}
+
+/* Against the least distance of a fine grid of the triangle's points: never more than that, and
+ * less by no more than half a grid cell. */
+static void distance_matches_a_dense_search(void **state)
+{
+	(void)state;
+	enum { GRID = 60 };
+	wh_rng g = wh_rng_seed(5);
+	for (int round = 0; round < 300; round++) {
+		const wh_vec3 a = random_point(&g), b = random_point(&g), c = random_point(&g);
+		const wh_vec3 p = wh_scale(random_point(&g), 2);
+		double least = INFINITY;
+		for (int i = 0; i <= GRID; i++) {
+			for (int j = 0; i + j <= GRID; j++) {
+				const wh_vec3 ab = wh_scale(wh_sub(b, a), i / (double)GRID);
+				const wh_vec3 ac = wh_scale(wh_sub(c, a), j / (double)GRID);
+				const wh_vec3 at = wh_add(a, wh_add(ab, ac));
+				least = fmin(least, wh_norm(wh_sub(at, p)));
+			}
+		}
+		const double d = sqrt(wh_tri_dist2(p, a, b, c));
+		assert_true(d <= least + 1e-12);
+		assert_true(d > least - 4.0 / GRID);
+	}
+}
+
+/* ---- the tree
+ * --------------------------------------------------------------------------------------- */
+
+/* Random triangles about a scale apart; every fifth is degenerate in some way. */
+static wh_mesh random_mesh(testing_env *t, uint32_t nf, double size, uint64_t seed)
+{
+	wh_rng g = wh_rng_seed(seed);
+	wh_mesh m;
+	assert_int_equal(wh_mesh_alloc(&t->ctx, &m, 3 * nf + 2, nf), WH_OK);
+	for (uint32_t f = 0; f < nf; f++) {
+		const wh_vec3 at = random_point(&g);
+		for (uint32_t k = 0; k < 3; k++) {
+			m.pos[3 * f + k] = wh_add(at, wh_scale(random_point(&g), size));
+			m.tri[3 * f + k] = 3 * f + k;
+		}
+		if (f % 10 == 3)
+			m.pos[3 * f + 1] = m.pos[3 * f];
+		if (f % 10 == 8)
+			m.tri[3 * f + 2] = m.tri[3 * f + 1] = m.tri[3 * f];
+	}
+	m.pos[3 * nf] = m.pos[3 * nf + 1] = wh_v3(0, 0, 0); /* unreferenced */
+	return m;
+}
+
+static void tree_matches_brute_force(testing_env *t, const wh_mesh *m, int queries)
+{
+	const wh_exec ex = {2};
+	const wh_frame f = wh_frame_of_box(wh_v3(-4, -4, -4), wh_v3(4, 4, 4));
+	wh_bvh tree;
+	wh_rng g = wh_rng_seed(9);
+	assert_int_equal(wh_bvh_build(&t->ctx, &ex, m, &f, &tree), WH_OK);
+	uint32_t hint = WH_NONE;
+	for (int i = 0; i < queries; i++) {
+		const double spread = i % 3 == 0 ? 4 : 1;
+		const wh_vec3 p = wh_frame_local(&f, wh_scale(random_point(&g), spread));
+		double least = INFINITY;
+		for (uint32_t k = 0; k < m->nf; k++) {
+			const uint32_t *v = m->tri + 3 * (size_t)k;
+			least = fmin(least, wh_tri_dist2(p, wh_frame_local(&f, m->pos[v[0]]),
+			                                 wh_frame_local(&f, m->pos[v[1]]),
+			                                 wh_frame_local(&f, m->pos[v[2]])));
+		}
+		if (i % 7 == 0)
+			hint = WH_NONE;
+		const double d2 = wh_bvh_dist2(&tree, p, &hint);
+		assert_true(fabs(d2 - least) <= 1e-13 * least);
+		assert_true(hint < m->nf);
+	}
+	wh_bvh_free(&t->ctx, &tree);
+}
+
+static void tree_finds_the_nearest_of_random_triangles(void **state)
+{
+	(void)state;
+	static const uint32_t sizes[] = {1, 2, 7, 8, 9, 63, 64, 65, 500, 513, 3000};
+	testing_env t;
+	testing_init(&t);
+	for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+		for (int k = 0; k < 2; k++) {
+			wh_mesh m = random_mesh(&t, sizes[i], k ? 0.02 : 0.7, i);
+			tree_matches_brute_force(&t, &m, 200);
+			wh_mesh_free(&t.ctx, &m);
+		}
+	}
+	testing_done(&t);
+}
+
+static void tree_bears_coincident_triangles(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh m = random_mesh(&t, 1000, 0.3, 1);
+	for (uint32_t i = 3; i < 3 * m.nf; i++)
+		m.tri[i] = m.tri[i % 3];
+	tree_matches_brute_force(&t, &m, 100);
+	wh_mesh_free(&t.ctx, &m);
+	testing_done(&t);
+}
+
+/* Every face once, every referenced vertex once, boxes of parents around those of children. */
+static void tree_keeps_all_faces(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	const wh_exec ex = {1};
+	wh_mesh m = random_mesh(&t, 5000, 0.1, 4);
+	const wh_frame f = wh_frame_of_box(wh_v3(-2, -2, -2), wh_v3(2, 2, 2));
+	wh_bvh tree;
+	assert_int_equal(wh_bvh_build(&t.ctx, &ex, &m, &f, &tree), WH_OK);
+	assert_int_equal(tree.mesh.nf, m.nf);
+	assert_int_equal(tree.mesh.nv, 3 * m.nf - 2 * (m.nf / 10));
+	double sum[2] = {0, 0};
+	for (uint32_t i = 0; i < 3 * m.nf; i++) {
+		assert_true(tree.mesh.tri[i] < tree.mesh.nv);
+		sum[0] += wh_frame_local(&f, m.pos[m.tri[i]]).x;
+		sum[1] += tree.mesh.pos[tree.mesh.tri[i]].x;
+	}
+	assert_true(fabs(sum[0] - sum[1]) < 1e-9);
+	wh_bvh_free(&t.ctx, &tree);
+	wh_mesh_free(&t.ctx, &m);
+	testing_done(&t);
+}
+
+/* ---- surfaces
+ * ------------------------------------------------------------------------------------- */
+
+/* n x n squares over 0 .. 1, at height z plus some bumps. */
+static wh_mesh make_sheet(testing_env *t, uint32_t n, double z, double bumps)
+{
+	wh_mesh m;
+	assert_int_equal(wh_mesh_alloc(&t->ctx, &m, (n + 1) * (n + 1), 2 * n * n), WH_OK);
+	for (uint32_t v = 0; v < m.nv; v++) {
+		const double x = v % (n + 1) / (double)n, y = v / (n + 1) / (double)n;
+		m.pos[v] = wh_v3(x, y, z + bumps * sin(9 * x) * sin(7 * y));
+	}
+	uint32_t *tri = m.tri;
+	for (uint32_t q = 0; q < n * n; q++) {
+		const uint32_t a = q / n * (n + 1) + q % n;
+		memcpy(tri, (uint32_t[]){a, a + 1, a + n + 1, a + 1, a + n + 2, a + n + 1}, 24);
+		tri += 6;
+	}
+	return m;
+}
+
+static wh_compare compare(testing_env *t, int workers, const wh_mesh *a, const wh_mesh *b,
+                          uint64_t samples, uint64_t seed)
+{
+	const wh_exec ex = {workers};
+	const wh_compare_params params = {.samples = samples, .seed = seed};
+	wh_compare r;
+	assert_int_equal(wh_compare_meshes(&t->ctx, &ex, a, b, &params, &r), WH_OK);
+	return r;
+}
+
+static void near(double x, double want, double tolerance)
+{
+	if (!(fabs(x - want) <= tolerance))
+		print_message("%.17g is not %.17g\n", x, want);
+	assert_true(fabs(x - want) <= tolerance);
+}
+
+static void shifted_plane_is_as_far_as_the_shift(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 20, 5, 0), b = make_sheet(&t, 3, 5.25, 0);
+	const wh_compare r = compare(&t, 1, &a, &b, 20000, 0);
+	const wh_distance *const all[] = {&r.a_to_b, &r.b_to_a, &r.both};
+	for (int i = 0; i < 3; i++) {
+		near(all[i]->mean, 0.25, 1e-15);
+		near(all[i]->rms, 0.25, 1e-15);
+		near(all[i]->max, 0.25, 1e-15);
+		near(all[i]->p50, 0.25, 0.0025);
+		near(all[i]->p99, 0.25, 0.0025);
+	}
+	near(r.diagonal, sqrt(2), 1e-15);
+	assert_int_equal(r.a_to_b.samples, 20000);
+	assert_int_equal(r.both.samples, 40000);
+	assert_int_equal(r.a_to_b.vertices, 441);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void identical_meshes_are_at_distance_zero(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 50, 0, 0.1);
+	const wh_compare r = compare(&t, 2, &a, &a, 50000, 3);
+	near(r.both.rms, 0, 1e-16);
+	near(r.both.max, 0, 1e-15);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* A small square against the middle of a large one: near from one side, far from the other. */
+static void sides_differ_when_one_covers_more(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 10, 0, 0), b = make_sheet(&t, 10, 0, 0);
+	for (uint32_t v = 0; v < b.nv; v++)
+		b.pos[v] = wh_v3(0.25 + b.pos[v].x / 2, 0.25 + b.pos[v].y / 2, 0);
+	const wh_compare r = compare(&t, 2, &a, &b, 100000, 0);
+	near(r.b_to_a.max, 0, 1e-15);
+	near(r.a_to_b.max, sqrt(2) / 4, 1e-15);
+	/* by integration: strips of 1/4 x 1/2 (mean square 1/48), corners of 1/4 x 1/4 (1/24) */
+	near(r.a_to_b.rms, sqrt(0.5 / 48 + 0.25 / 24), 1e-4);
+	near(r.both.rms, r.a_to_b.rms / sqrt(2), 1e-15);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void unused_vertices_do_not_count(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 4, 0, 0), b = make_sheet(&t, 4, 1, 0);
+	a.pos = wh_resize(&t.ctx, a.pos, ++a.nv, sizeof *a.pos);
+	a.pos[a.nv - 1] = wh_v3(NAN, 1e30, 7);
+	const wh_compare r = compare(&t, 1, &a, &b, 1000, 0);
+	near(r.both.max, 1, 1e-15);
+	near(r.diagonal, sqrt(2), 1e-15);
+	assert_int_equal(r.a_to_b.vertices, 25);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* Far from the origin, in other units: the same figures, scaled, up to the rounding of the
+ * positions themselves (4e-6 of the sheet). */
+static void distance_bears_offsets_and_units(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 30, 0, 0.1), b = make_sheet(&t, 11, 0, 0.1);
+	const wh_compare near_by = compare(&t, 1, &a, &b, 30000, 0);
+	wh_mesh *const both[] = {&a, &b};
+	for (int i = 0; i < 2; i++)
+		for (uint32_t v = 0; v < both[i]->nv; v++)
+			both[i]->pos[v] =
+			    wh_add(wh_scale(both[i]->pos[v], 0x1p-30), wh_v3(0.5, 16, -3));
+	const wh_compare far_off = compare(&t, 1, &a, &b, 30000, 0);
+	near(far_off.both.rms * 0x1p30, near_by.both.rms, 1e-5);
+	near(far_off.both.max * 0x1p30, near_by.both.max, 1e-5);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void threads_leave_no_trace(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 90, 0, 0.1), b = make_sheet(&t, 41, 0, 0.1);
+	const wh_compare one = compare(&t, 1, &a, &b, 70000, 11);
+	for (int workers = 2; workers < 5; workers++) {
+		const wh_compare more = compare(&t, workers, &a, &b, 70000, 11);
+		assert_memory_equal(&one, &more, sizeof one);
+	}
+	const wh_compare other = compare(&t, 1, &a, &b, 70000, 12);
+	assert_true(other.both.rms != one.both.rms);
+	near(other.both.rms, one.both.rms, 0.01 * one.both.rms);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void surface_without_area_has_vertices_only(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 1, 0, 0), b = make_sheet(&t, 1, 0, 0);
+	for (uint32_t v = 0; v < a.nv; v++)
+		a.pos[v] = wh_v3(0.5, 0.5, 2);
+	const wh_compare r = compare(&t, 1, &a, &b, 1000, 0);
+	assert_int_equal(r.a_to_b.samples, 0);
+	near(r.a_to_b.max, 2, 1e-15);
+	assert_true(r.a_to_b.rms == 0 && r.diagonal == 0);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void nothing_to_compare_is_refused(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	const wh_exec ex = {1};
+	const wh_compare_params params = {0};
+	wh_compare r;
+	wh_mesh a = make_sheet(&t, 2, 0, 0);
+	const wh_mesh none = {0};
+	assert_int_equal(wh_compare_meshes(&t.ctx, &ex, &a, &none, &params, &r), WH_E_INPUT);
+	t.ctx.err = (wh_error){0};
+	a.pos[4].y = INFINITY;
+	assert_int_equal(wh_compare_meshes(&t.ctx, &ex, &a, &a, &params, &r), WH_E_INPUT);
+	assert_non_null(strstr(t.ctx.err.text, "vertex 4"));
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void refused_memory_leaks_nothing(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 3, 0, 0);
+	const size_t before = t.mem.used;
+	const wh_exec ex = {1};
+	const wh_compare_params params = {.samples = 10};
+	wh_code code = WH_E_RUN;
+	long fail = 1;
+	for (; code != WH_OK; fail++) {
+		wh_compare r;
+		t.ctx.err = (wh_error){0};
+		t.mem.fail_after = fail;
+		code = wh_compare_meshes(&t.ctx, &ex, &a, &a, &params, &r);
+		assert_true(code == WH_OK || code == WH_E_RUN);
+		assert_int_equal((size_t)t.mem.used, before);
+	}
+	assert_true(fail > 12);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(nearest_point_is_found_in_every_region),
+	    cmocka_unit_test(degenerate_triangles_are_segments_and_points),
+	    cmocka_unit_test(distance_matches_a_dense_search),
+	    cmocka_unit_test(tree_finds_the_nearest_of_random_triangles),
+	    cmocka_unit_test(tree_bears_coincident_triangles),
+	    cmocka_unit_test(tree_keeps_all_faces),
+	    cmocka_unit_test(shifted_plane_is_as_far_as_the_shift),
+	    cmocka_unit_test(identical_meshes_are_at_distance_zero),
+	    cmocka_unit_test(sides_differ_when_one_covers_more),
+	    cmocka_unit_test(unused_vertices_do_not_count),
+	    cmocka_unit_test(distance_bears_offsets_and_units),
+	    cmocka_unit_test(threads_leave_no_trace),
+	    cmocka_unit_test(surface_without_area_has_vertices_only),
+	    cmocka_unit_test(nothing_to_compare_is_refused),
+	    cmocka_unit_test(refused_memory_leaks_nothing),
+	};
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
