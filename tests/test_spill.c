@@ -112,6 +112,20 @@ static void a_missing_place_is_named_with_the_remedy(void **state)
 	wh_spill_close(&f->t.ctx, &s);
 }
 
+static void a_scratch_file_has_no_name_and_is_counted_until_closed(void **state)
+{
+	fixture *f = *state;
+	const int a = wh_spill_scratch(&f->t.ctx, &f->spill);
+	const int b = wh_spill_scratch(&f->t.ctx, &f->spill);
+	assert_int_equal(wh_spill_pwrite(&f->t.ctx, &f->spill, a, "1234", 4, 0), WH_OK);
+	assert_int_equal(wh_spill_pwrite(&f->t.ctx, &f->spill, b, "56", 2, 0), WH_OK);
+	assert_int_equal(f->spill.held, 6);
+	wh_spill_close_scratch(&f->spill, a);
+	assert_int_equal(f->spill.held, 2);
+	wh_spill_close_scratch(&f->spill, b);
+	assert_int_equal(f->spill.held, 0);
+}
+
 typedef struct sharing {
 	wh_spill *spill;
 	int fd;
@@ -151,6 +165,7 @@ int main(void)
 	    WITH_SPILL(a_full_disk_suggests_another_place),
 	    WITH_SPILL(a_missing_file_is_named),
 	    WITH_SPILL(a_missing_place_is_named_with_the_remedy),
+	    WITH_SPILL(a_scratch_file_has_no_name_and_is_counted_until_closed),
 	    WITH_SPILL(threads_that_extend_one_file_count_it_once),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -127,6 +127,24 @@ int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name)
 	return open_in(c, s, name, O_RDONLY);
 }
 
+int wh_spill_scratch(wh_ctx *c, wh_spill *s)
+{
+	char name[32];
+	(void)snprintf(name, sizeof name, "scratch-%u", atomic_fetch_add(&s->scratches, 1));
+	const int fd = wh_spill_create(c, s, name);
+	if (fd >= 0)
+		(void)unlinkat(s->dirfd, name, 0);
+	return fd;
+}
+
+void wh_spill_close_scratch(wh_spill *s, int fd)
+{
+	struct stat st;
+	if (fstat(fd, &st) == 0)
+		atomic_fetch_sub(&s->held, (uint64_t)st.st_size);
+	(void)close(fd);
+}
+
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to)
 {
 	if (strcmp(from, to) == 0)

@@ -20,7 +20,8 @@ typedef struct wh_spill {
 	_Atomic uint64_t peak; /* most bytes at any time */
 	_Atomic uint64_t bytes_read;
 	_Atomic uint64_t bytes_written;
-	pthread_mutex_t growing; /* held while a file is made longer */
+	_Atomic unsigned scratches; /* scratch files made so far: numbers their short-lived names */
+	pthread_mutex_t growing;    /* held while a file is made longer */
 } wh_spill;
 
 /*
@@ -36,6 +37,10 @@ int wh_spill_create(wh_ctx *c, wh_spill *s, const char *name);
 int wh_spill_reopen(wh_ctx *c, wh_spill *s, const char *name);
 /* Opens an existing file of the folder for reading. Descriptor or -1. */
 int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name);
+/* A file without a name, empty, for reading and writing: gone when it is closed, which must be
+ * done by wh_spill_close_scratch to take its size off the account. Descriptor or -1. */
+int wh_spill_scratch(wh_ctx *c, wh_spill *s);
+void wh_spill_close_scratch(wh_spill *s, int fd);
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to);
 /* Removes a file and takes its size off the account; one that does not exist is ignored. */
 void wh_spill_remove(wh_spill *s, const char *name);

@@ -1,0 +1,136 @@
+#include "pipeline/facer.h"
+
+#include <string.h>
+
+void wh_facer_init(wh_facer *f, const wh_source *source)
+{
+	*f = (wh_facer){.source = source, .index_size = source->nv > UINT32_MAX ? 8 : 4};
+}
+
+void wh_facer_close(wh_ctx *c, wh_facer *f)
+{
+	wh_positions_close(c, &f->positions);
+	wh_free(c, f->scratch);
+	wh_free(c, f->ids);
+	wh_free(c, f->pos);
+	wh_free(c, f->cut);
+	wh_free(c, f->out);
+	*f = (wh_facer){0};
+}
+
+wh_code wh_facer_put(wh_ctx *c, wh_facer *f, uint64_t a, uint64_t b, uint64_t d)
+{
+	if (a == b || b == d || d == a)
+		return WH_OK;
+	const size_t used = f->out_n * 3 * f->index_size;
+	if (used + 24 > f->out_cap && wh_reserve(c, &f->out, &f->out_cap, used + 24, 1) != WH_OK)
+		return c->err.code;
+	if (f->index_size == 4) {
+		const uint32_t t[3] = {(uint32_t)a, (uint32_t)b, (uint32_t)d};
+		memcpy(f->out + used, t, sizeof t);
+	} else {
+		const uint64_t t[3] = {a, b, d};
+		memcpy(f->out + used, t, sizeof t);
+	}
+	f->out_n++;
+	return WH_OK;
+}
+
+/* --- polygons --- */
+
+static wh_code prepare(wh_ctx *c, wh_facer *f)
+{
+	if (f->positions.pages)
+		return WH_OK;
+	f->scratch = wh_alloc(c, 1, sizeof *f->scratch);
+	f->ids = wh_alloc(c, WH_POLYGON_MOST, sizeof *f->ids);
+	f->pos = wh_alloc(c, WH_POLYGON_MOST, sizeof *f->pos);
+	f->cut = wh_alloc(c, WH_POLYGON_MOST, 3 * sizeof *f->cut);
+	if (!f->scratch || !f->ids || !f->pos || !f->cut)
+		return c->err.code;
+	return wh_positions_open(c, &f->positions, f->source);
+}
+
+static bool three_different(const uint64_t *ids, size_t n)
+{
+	size_t i = 1;
+	while (i < n && ids[i] == ids[0])
+		i++;
+	for (size_t k = i + 1; k < n; k++)
+		if (ids[k] != ids[0] && ids[k] != ids[i])
+			return true;
+	return false;
+}
+
+/* Copies the corners without those that repeat the one before them. */
+static size_t without_repeats(const uint64_t *ids, size_t n, uint64_t *to)
+{
+	size_t k = 0;
+	for (size_t i = 0; i < n; i++)
+		if (ids[i] != ids[i > 0 ? i - 1 : n - 1])
+			to[k++] = ids[i];
+	return k;
+}
+
+static wh_code add_fan(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n)
+{
+	uint64_t tip = ids[0];
+	for (size_t i = 1; i < n; i++)
+		tip = ids[i] < tip ? ids[i] : tip;
+	for (size_t i = 0; i < n; i++)
+		if (wh_facer_put(c, f, tip, ids[i], ids[i + 1 < n ? i + 1 : 0]) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
+static wh_code add_polygon(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n)
+{
+	if (prepare(c, f) != WH_OK)
+		return c->err.code;
+	n = without_repeats(ids, n, f->ids);
+	for (size_t i = 0; i < n; i++)
+		if (wh_positions_get(c, &f->positions, f->ids[i], &f->pos[i]) != WH_OK)
+			return c->err.code;
+	const size_t triangles = wh_polygon_cut(f->pos, f->ids, n, f->cut, f->scratch);
+	for (size_t i = 0; i < triangles; i++) {
+		const uint32_t *t = f->cut + 3 * i;
+		if (wh_facer_put(c, f, f->ids[t[0]], f->ids[t[1]], f->ids[t[2]]) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
+}
+
+wh_code wh_facer_add(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n)
+{
+	f->polygons += n > 3;
+	if (!three_different(ids, n)) {
+		f->degenerate++;
+		return WH_OK;
+	}
+	if (n == 3)
+		return wh_facer_put(c, f, ids[0], ids[1], ids[2]);
+	return n > WH_POLYGON_MOST ? add_fan(c, f, ids, n) : add_polygon(c, f, ids, n);
+}
+
+/* --- strips --- */
+
+void wh_facer_strip_start(wh_facer *f)
+{
+	f->have = 0;
+	f->odd = false;
+}
+
+wh_code wh_facer_strip_corner(wh_ctx *c, wh_facer *f, uint64_t id)
+{
+	wh_code code = WH_OK;
+	if (f->have == 2) {
+		code = f->odd ? wh_facer_put(c, f, f->b, f->a, id)
+		              : wh_facer_put(c, f, f->a, f->b, id);
+		f->odd = !f->odd;
+	} else {
+		f->have++;
+	}
+	f->a = f->b;
+	f->b = id;
+	return code;
+}

@@ -1,0 +1,267 @@
+#include "pipeline/normalise.h"
+
+#include "pipeline/rewrite.h"
+
+#include <inttypes.h>
+#include <string.h>
+
+enum {
+	PROBE = 4096,   /* faces looked at before a body is used in place */
+	CHUNK = 1 << 16 /* vertices or triangles of one job when a mesh is loaded */
+};
+
+/* --- opening --- */
+
+static wh_code nothing(wh_ctx *c, const wh_ply *p, const char *why)
+{
+	return wh_fail(c, WH_E_INPUT, "'%s' has nothing to reduce: %s", p->path, why);
+}
+
+static bool has_element(const wh_ply *p, const char *name)
+{
+	for (size_t i = 0; i < p->nelems; i++)
+		if (strcmp(p->elems[i].name, name) == 0)
+			return true;
+	return false;
+}
+
+static uint64_t count_of(const wh_ply *p, int elem)
+{
+	return elem >= 0 ? p->elems[elem].count : 0;
+}
+
+static wh_code check_content(wh_ctx *c, const wh_ply *p)
+{
+	if (p->vertex < 0)
+		return nothing(c, p,
+		               has_element(p, "vertex") ? "its vertices lack x, y or z"
+		                                        : "it has no element 'vertex'");
+	if (p->face < 0 && p->strips < 0)
+		return nothing(c, p,
+		               has_element(p, "face") || has_element(p, "tristrips")
+		                   ? "its faces have no list of integers called vertex_indices"
+		                   : "it has no faces (a point cloud?)");
+	if (count_of(p, p->face) == 0 && count_of(p, p->strips) == 0)
+		return nothing(c, p, "it has no faces (a point cloud?)");
+	return WH_OK;
+}
+
+/* Looks at the first faces. WH_E_IRREGULAR: there are polygons among them. */
+static wh_code probe(wh_ctx *c, const wh_source *s)
+{
+	const size_t n = s->nf < PROBE ? (size_t)s->nf : PROBE;
+	void *scratch = wh_alloc(c, wh_source_triangle_bytes(s, n), 1);
+	uint64_t *ids = wh_alloc(c, n, 3 * sizeof *ids);
+	wh_code code = c->err.code;
+	if (scratch && ids)
+		code = wh_source_triangles(c, s, 0, n, ids, scratch);
+	wh_free(c, ids);
+	wh_free(c, scratch);
+	return code;
+}
+
+static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w)
+{
+	if (w->ply->format != WH_PLY_ASCII)
+		return wh_rewrite_binary(c, w);
+	const wh_code code = wh_rewrite_lines(c, w);
+	return code == WH_E_IRREGULAR ? wh_rewrite_words(c, w) : code;
+}
+
+static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
+{
+	wh_rewrite w;
+	if (wh_rewrite_open(c, &w, ex, spill, &in->ply) != WH_OK)
+		return c->err.code;
+	wh_code code = rewrite_body(c, &w);
+	if (code == WH_OK && w.source.nf == 0)
+		code = nothing(c, &in->ply, "none of its faces has three different corners");
+	if (code == WH_OK) {
+		in->source = w.source;
+		in->temp_fd = w.fd;
+		in->polygons = w.polygons;
+		in->degenerate = w.degenerate;
+	}
+	wh_rewrite_close(c, &w, code == WH_OK);
+	return code;
+}
+
+static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool force_rewrite,
+                           wh_input *in)
+{
+	wh_code code = WH_E_IRREGULAR;
+	if (!force_rewrite && wh_ply_direct(&in->ply, &in->source))
+		code = probe(c, &in->source);
+	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in) : code;
+}
+
+wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                      bool force_rewrite, wh_input *in)
+{
+	*in = (wh_input){.temp_fd = -1};
+	wh_code code = wh_ply_open(c, &in->ply, path);
+	if (code != WH_OK)
+		return code;
+	code = check_content(c, &in->ply);
+	if (code == WH_OK)
+		code = make_source(c, ex, spill, force_rewrite, in);
+	if (code != WH_OK)
+		wh_input_close(c, spill, in);
+	return code;
+}
+
+void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
+{
+	if (in->ply.path && in->temp_fd >= 0)
+		wh_spill_close_scratch(spill, in->temp_fd);
+	wh_ply_close(c, &in->ply);
+	*in = (wh_input){.temp_fd = -1};
+	in->ply.fd = -1;
+}
+
+/* --- loading --- */
+
+typedef struct loader {
+	const wh_source *s;
+	wh_mesh *m;
+	uint32_t *kept; /* triangles of each chunk that are not degenerate */
+	void **scratch; /* one per worker */
+	uint64_t **ids;
+} loader;
+
+static size_t chunk_size(uint64_t total, int64_t index)
+{
+	const uint64_t left = total - (uint64_t)index * CHUNK;
+	return left < CHUNK ? (size_t)left : CHUNK;
+}
+
+static int64_t chunks_of(uint64_t total)
+{
+	return (int64_t)((total + CHUNK - 1) / CHUNK);
+}
+
+static wh_code load_vertices(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const loader *l = arg;
+	const uint64_t first = (uint64_t)index * CHUNK;
+	return wh_source_vertices(c, l->s, first, chunk_size(l->s->nv, index), &l->m->pos[first].x,
+	                          l->scratch[worker]);
+}
+
+static wh_code load_triangles(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const loader *l = arg;
+	const uint64_t first = (uint64_t)index * CHUNK;
+	const size_t n = chunk_size(l->s->nf, index);
+	const uint64_t *t = l->ids[worker];
+	uint32_t *to = l->m->tri + 3 * first;
+	const wh_code code =
+	    wh_source_triangles(c, l->s, first, n, l->ids[worker], l->scratch[worker]);
+	if (code != WH_OK)
+		return code;
+	for (size_t i = 0; i < n; i++, t += 3) {
+		to[0] = (uint32_t)t[0];
+		to[1] = (uint32_t)t[1];
+		to[2] = (uint32_t)t[2];
+		to += t[0] != t[1] && t[1] != t[2] && t[2] != t[0] ? 3 : 0;
+	}
+	l->kept[index] = (uint32_t)((size_t)(to - (l->m->tri + 3 * first)) / 3);
+	return WH_OK;
+}
+
+/* Closes the gaps that degenerate triangles left at the chunks' ends. */
+static void close_gaps(const loader *l)
+{
+	uint32_t nf = 0;
+	for (int64_t i = 0; i < chunks_of(l->s->nf); i++) {
+		const uint32_t *from = l->m->tri + 3 * (size_t)i * CHUNK;
+		memmove(l->m->tri + 3 * (size_t)nf, from, 3 * (size_t)l->kept[i] * sizeof *from);
+		nf += l->kept[i];
+	}
+	l->m->nf = nf;
+}
+
+static wh_code open_loader(wh_ctx *c, loader *l, int workers)
+{
+	const size_t v = wh_source_vertex_bytes(l->s, CHUNK);
+	const size_t t = wh_source_triangle_bytes(l->s, CHUNK);
+	l->kept = wh_alloc(c, (size_t)chunks_of(l->s->nf), sizeof *l->kept);
+	l->scratch = wh_calloc(c, (size_t)workers, sizeof *l->scratch);
+	l->ids = wh_calloc(c, (size_t)workers, sizeof *l->ids);
+	if (!l->kept || !l->scratch || !l->ids)
+		return c->err.code;
+	for (int i = 0; i < workers; i++) {
+		l->scratch[i] = wh_alloc(c, v > t ? v : t, 1);
+		l->ids[i] = wh_alloc(c, CHUNK, 3 * sizeof **l->ids);
+		if (!l->scratch[i] || !l->ids[i])
+			return c->err.code;
+	}
+	return WH_OK;
+}
+
+static void close_loader(wh_ctx *c, loader *l, int workers)
+{
+	for (int i = 0; i < workers; i++) {
+		if (l->scratch)
+			wh_free(c, l->scratch[i]);
+		if (l->ids)
+			wh_free(c, l->ids[i]);
+	}
+	wh_free(c, l->ids);
+	wh_free(c, l->scratch);
+	wh_free(c, l->kept);
+}
+
+static wh_code load_source(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m)
+{
+	loader l = {.s = s, .m = m};
+	if (s->nv >= UINT32_MAX || s->nf >= UINT32_MAX)
+		return wh_fail(c, WH_E_PLAN,
+		               "'%s' has %" PRIu64 " vertices and %" PRIu64
+		               " triangles, more than can be loaded at once",
+		               s->path, s->nv, s->nf);
+	if (wh_mesh_alloc(c, m, (uint32_t)s->nv, (uint32_t)s->nf) != WH_OK)
+		return c->err.code;
+	wh_code code = open_loader(c, &l, ex->workers);
+	if (code == WH_OK)
+		code = wh_exec_for(c, ex, chunks_of(s->nv), load_vertices, &l);
+	if (code == WH_OK)
+		code = wh_exec_for(c, ex, chunks_of(s->nf), load_triangles, &l);
+	if (code == WH_OK)
+		close_gaps(&l);
+	close_loader(c, &l, ex->workers);
+	if (code != WH_OK)
+		wh_mesh_free(c, m);
+	return code;
+}
+
+/* One try. WH_E_IRREGULAR, with nothing recorded: force a rewrite. */
+static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                         bool force_rewrite, wh_mesh *m, bool *is_double, uint64_t *degenerate)
+{
+	wh_input in;
+	wh_code code = wh_input_open(c, ex, spill, path, force_rewrite, &in);
+	if (code != WH_OK)
+		return code;
+	code = load_source(c, ex, &in.source, m);
+	if (code == WH_OK && is_double)
+		*is_double = in.source.is_double;
+	if (code == WH_OK && degenerate)
+		*degenerate = in.degenerate + (in.source.nf - m->nf);
+	if (code == WH_OK && m->nf == 0) {
+		code = nothing(c, &in.ply, "none of its faces has three different corners");
+		wh_mesh_free(c, m);
+	}
+	wh_input_close(c, spill, &in);
+	return code;
+}
+
+wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_mesh *m,
+                     bool *is_double, uint64_t *degenerate)
+{
+	*m = (wh_mesh){0};
+	const wh_code code = load_file(c, ex, spill, path, false, m, is_double, degenerate);
+	if (code != WH_E_IRREGULAR)
+		return code;
+	return load_file(c, ex, spill, path, true, m, is_double, degenerate);
+}

@@ -1,0 +1,128 @@
+#include "pipeline/rewrite.h"
+
+#include "base/bytes.h"
+#include "io/ply_value.h"
+
+#include <inttypes.h>
+#include <math.h>
+
+void wh_rewrite_restart(wh_rewrite *w)
+{
+	const wh_ply_elem *e = &w->ply->elems[w->ply->vertex];
+	const int prop[3] = {w->ply->x, w->ply->y, w->ply->z};
+	wh_source *s = &w->source;
+	*s = (wh_source){.path = w->ply->path, .nv = e->count, .vfd = w->fd};
+	for (int k = 0; k < 3; k++)
+		s->is_double = s->is_double || wh_type_is_wide(e->props[prop[k]].type);
+	const wh_type type = s->is_double ? WH_F64 : WH_F32;
+	for (uint32_t k = 0; k < 3; k++) {
+		s->vtype[k] = type;
+		s->voff[k] = k * wh_type_size(type);
+	}
+	s->vstride = 3 * wh_type_size(type);
+	w->end = s->nv * s->vstride;
+}
+
+wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
+                        const wh_ply *ply)
+{
+	*w = (wh_rewrite){.ply = ply, .ex = ex, .spill = spill, .fd = -1};
+	w->facers = wh_calloc(c, (size_t)ex->workers, sizeof *w->facers);
+	if (!w->facers)
+		return c->err.code;
+	w->fd = wh_spill_scratch(c, spill);
+	if (w->fd < 0) {
+		wh_rewrite_close(c, w, false);
+		return c->err.code;
+	}
+	wh_rewrite_restart(w);
+	for (int i = 0; i < ex->workers; i++)
+		wh_facer_init(&w->facers[i], &w->source);
+	return WH_OK;
+}
+
+void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep)
+{
+	if (!w->facers)
+		return;
+	for (int i = 0; i < w->ex->workers; i++)
+		wh_facer_close(c, &w->facers[i]);
+	wh_free(c, w->facers);
+	w->facers = NULL;
+	if (!keep && w->fd >= 0)
+		wh_spill_close_scratch(w->spill, w->fd);
+}
+
+void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base)
+{
+	wh_ply_vertex_source(w->ply, base, &w->source);
+	w->end = 0;
+}
+
+/* Narrows in place: the floats never overtake the doubles. */
+static void to_floats(double *xyz, size_t n)
+{
+	unsigned char *to = (unsigned char *)xyz;
+	for (size_t i = 0; i < 3 * n; i++) {
+		const float v = (float)xyz[i];
+		memcpy(to + 4 * i, &v, sizeof v);
+	}
+}
+
+wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n)
+{
+	const bool is_double = w->source.is_double;
+	for (size_t i = 0; i < 3 * n; i++)
+		if (!isfinite(is_double ? xyz[i] : (double)(float)xyz[i]))
+			return wh_fail(c, WH_E_INPUT,
+			               "'%s', vertex %" PRIu64
+			               ": %c is not a finite number%s; remove such vertices and "
+			               "their faces first",
+			               w->ply->path, first + i / 3, "xyz"[i % 3],
+			               isfinite(xyz[i]) ? " of type float" : "");
+	if (!is_double)
+		to_floats(xyz, n);
+	return wh_spill_pwrite(c, w->spill, w->fd, xyz, n * w->source.vstride,
+	                       first * w->source.vstride);
+}
+
+wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)
+{
+	wh_source *s = &w->source;
+	s->ffd = w->fd;
+	s->fbase = w->end;
+	s->nf = 0;
+	s->itype = s->nv > UINT32_MAX ? WH_U64 : WH_U32;
+	s->fstride = 3 * wh_type_size(s->itype);
+	s->count_off = -1;
+	w->polygons = w->degenerate = 0;
+	for (int i = 0; i < w->ex->workers; i++) {
+		w->facers[i].out_n = 0;
+		w->facers[i].polygons = w->facers[i].degenerate = 0;
+	}
+	return wh_poll(c);
+}
+
+wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f)
+{
+	const size_t bytes = f->out_n * w->source.fstride;
+	if (wh_spill_pwrite(c, w->spill, w->fd, f->out, bytes, w->end) != WH_OK)
+		return c->err.code;
+	w->end += bytes;
+	w->source.nf += f->out_n;
+	w->polygons += f->polygons;
+	w->degenerate += f->degenerate;
+	f->out_n = 0;
+	f->polygons = f->degenerate = 0;
+	return WH_OK;
+}
+
+wh_code wh_rewrite_bad_index(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *e, uint64_t item,
+                             uint64_t id, const char *place)
+{
+	return wh_fail(c, WH_E_INPUT,
+	               "'%s', %s %" PRIu64 " (%s): corner index %" PRId64
+	               " is out of range (the file has %" PRIu64
+	               " vertices); remove such faces first",
+	               w->ply->path, e->name, item, place, (int64_t)id, w->source.nv);
+}

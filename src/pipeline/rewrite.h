@@ -1,0 +1,79 @@
+/*
+ * rewrite: a body that cannot be read in place becomes a temporary file of fixed strides.
+ *
+ * What the three ways of rewriting (binary, text by lines, text by words) share. Internal to the
+ * normalise module. The temporary file begins with the vertices (three floats or doubles each),
+ * unless they can be read from the user's file; then triangles of three 32- or 64-bit indices, in
+ * the host's byte order and the file's order.
+ */
+#ifndef WH_PIPELINE_REWRITE_H
+#define WH_PIPELINE_REWRITE_H
+
+#include "exec/exec.h"
+#include "io/ply.h"
+#include "io/spill.h"
+#include "pipeline/facer.h"
+
+typedef struct wh_rewrite {
+	const wh_ply *ply;
+	const wh_exec *ex;
+	wh_spill *spill;
+	int fd;            /* the temporary file */
+	wh_source source;  /* what comes out; vertices are usable before triangles are */
+	uint64_t end;      /* bytes of the temporary file in use */
+	wh_facer *facers;  /* one per worker */
+	uint64_t polygons; /* of the facers whose output was taken */
+	uint64_t degenerate;
+} wh_rewrite;
+
+/* Makes the temporary file. The vertices will be in it, at its beginning. */
+wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
+                        const wh_ply *ply);
+/* Forgets what was written: for a second try in another way. */
+void wh_rewrite_restart(wh_rewrite *w);
+/* Frees all but the temporary file, which is closed only when keep is false. */
+void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep);
+
+/* The body's vertices are of fixed size and begin at byte `base` of the file: used as they are. */
+void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base);
+
+/* Writes n vertices from number `first` on; the doubles are destroyed. WH_E_INPUT when one does
+ * not fit the output's type or is not finite (see wh_rewrite_bad_vertex). Thread-safe. */
+wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n);
+
+/* All vertices are written; triangles come next, the facers are empty. */
+wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w);
+
+/* Appends the facer's triangles to the file and empties it. */
+wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f);
+
+/* Corner index `id` (as read: negative ones as 2^64 - |v|) of an item is out of range. `place`
+ * says where, such as "line 7". */
+wh_code wh_rewrite_bad_index(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *e, uint64_t item,
+                             uint64_t id, const char *place);
+
+/* Is `id`, read from items of type t, the mark between two strips of one list? */
+static inline bool wh_is_restart(uint64_t id, wh_type t)
+{
+	return id == UINT64_MAX || (t == WH_U32 && id == UINT32_MAX) ||
+	       (t == WH_U16 && id == UINT16_MAX) || (t == WH_U8 && id == UINT8_MAX);
+}
+
+/* The elements whose items are faces or strips, and the list of their corners. */
+static inline bool wh_is_face_element(const wh_ply *p, int elem)
+{
+	return elem == p->face || elem == p->strips;
+}
+
+static inline int wh_corner_list(const wh_ply *p, int elem)
+{
+	return elem == p->face ? p->corners : elem == p->strips ? p->strip_list : -1;
+}
+
+/* The three ways. Each fills the source; WH_E_IRREGULAR, with nothing recorded, from
+ * wh_rewrite_lines says that lines are not items: use wh_rewrite_words. */
+wh_code wh_rewrite_binary(wh_ctx *c, wh_rewrite *w);
+wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *w);
+wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *w);
+
+#endif
