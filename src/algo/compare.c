@@ -336,6 +336,7 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 	for (size_t b = 0; b < NBINS; b++)
 		bins[b] += bins[NBINS + b];
 	r->both = describe_both(total, bins, out[0], out[1], unit);
+	r->rms = fmax(r->a_to_b.rms, r->b_to_a.rms);
 out:
 	wh_free(c, bins);
 	return c->err.code;

@@ -32,7 +32,9 @@ typedef struct wh_compare {
 	double diagonal;    /* of the box around a: what relative figures are relative to */
 	wh_distance a_to_b; /* points of a, distances from b */
 	wh_distance b_to_a;
-	wh_distance both; /* the samples of both sides in one: the two-sided distance */
+	wh_distance both; /* the samples of both sides as one set */
+	double rms;       /* the larger of the two sides' RMS: what "two-sided RMS" means in
+	                   * comparisons of simplifiers, ours included */
 } wh_compare;
 
 /*

@@ -19,6 +19,7 @@
 #include "geom/tri.h"
 
 #include <float.h>
+#include <string.h>
 
 enum { W = WH_BVH_WIDTH };
 
@@ -394,20 +395,42 @@ static void try_face(query *q, uint32_t face)
 	q->limit = (float)(d * (1 + BOUND_SLACK));
 }
 
-/* Lower bounds of the squared distances to the eight boxes. */
-static void bound_boxes(const query *q, const wh_bvh_node *n, float bound[W])
+/* Four floats in one register, and four truths: all bits set or none. */
+typedef float lanes __attribute__((vector_size(16)));
+typedef int32_t truths __attribute__((vector_size(16)));
+
+static lanes load_lanes(const float *x)
 {
-	for (int s = 0; s < W; s++)
-		bound[s] = 0;
+	lanes v;
+	memcpy(&v, x, sizeof v);
+	return v;
+}
+
+/* x where positive, else 0. */
+static lanes positive(lanes x)
+{
+	return (lanes)((truths)x & (x > 0));
+}
+
+/* Lower bounds of the squared distances to four boxes, from slot s on. A point is below a box or
+ * above it or neither, so the sum of the two excesses is the greater one. */
+static lanes bound_boxes(const query *q, const wh_bvh_node *n, int s)
+{
+	lanes sum = {0};
 	for (int k = 0; k < 3; k++) {
-		for (int s = 0; s < W; s++) {
-			const float under = n->lo[k][s] - q->hi[k];
-			const float over = q->lo[k] - n->hi[k][s];
-			float d = under > over ? under : over;
-			d = d > 0 ? d : 0;
-			bound[s] += d * d;
-		}
+		const lanes under = load_lanes(n->lo[k] + s) - q->hi[k];
+		const lanes over = q->lo[k] - load_lanes(n->hi[k] + s);
+		const lanes d = positive(under) + positive(over);
+		sum += d * d;
 	}
+	return sum;
+}
+
+/* Bit i: lane i is true. */
+static unsigned bits_of(truths t)
+{
+	const truths bit = t & (truths){1, 2, 4, 8};
+	return (unsigned)(bit[0] | bit[1] | bit[2] | bit[3]);
 }
 
 /* Puts a child into the stack, above those of its siblings (from base on) that are farther. */
@@ -421,12 +444,16 @@ static void push(query *q, int base, todo x)
 
 static void open_node(query *q, const todo *x)
 {
-	float bound[W];
+	const wh_bvh_node *n = q->t->nodes + q->t->level_first[x->level] + x->id;
 	const int base = q->depth;
-	bound_boxes(q, q->t->nodes + q->t->level_first[x->level] + x->id, bound);
-	for (uint32_t s = 0; s < W; s++)
-		if (bound[s] < q->limit)
-			push(q, base, (todo){bound[s], x->level - 1, x->id * W + s});
+	for (int s = 0; s < W; s += 4) {
+		const lanes bound = bound_boxes(q, n, s);
+		for (unsigned near = bits_of(bound < q->limit); near; near &= near - 1) {
+			const int lane = __builtin_ctz(near);
+			push(q, base,
+			     (todo){bound[lane], x->level - 1, x->id * W + (uint32_t)(s + lane)});
+		}
+	}
 }
 
 static void start(query *q, wh_vec3 p)

@@ -1,0 +1,243 @@
+/* whittle compare: the two-sided distance of two meshes as a table or as JSON. */
+#include "cmd.h"
+
+#include "algo/compare.h"
+#include "pipeline/normalise.h"
+
+#include <getopt.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct options {
+	const char *path[2];
+	bool json;
+	int64_t samples, seed, threads;
+} options;
+
+static void print_help(void)
+{
+	(void)printf(
+	    "usage: whittle compare A B [--json] [--samples N] [--seed N] [--threads N]\n\n"
+	    "Measures how far A and B are from each other: from points of A to the nearest point\n"
+	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
+	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
+	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'.\n\n"
+	    "  --json       print JSON instead of a table\n"
+	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
+	    "  --seed N     other points (default 0)\n"
+	    "  --threads N  0, the default: all; the figures do not depend on it\n");
+}
+
+/* WH_OK, or the exit status for a value that is no count. */
+static int parse_number(const char *name, const char *what, const char *text, int64_t *out)
+{
+	if (cmd_parse_count(text, false, out))
+		return WH_OK;
+	return cmd_usage_error(name, "--%s \"%s\" is no number", what, text);
+}
+
+static int parse_option(const char *name, int opt, options *o)
+{
+	switch (opt) {
+	case 'j':
+		o->json = true;
+		return WH_OK;
+	case 'n':
+		if (parse_number(name, "samples", optarg, &o->samples) != WH_OK)
+			return WH_E_USAGE;
+		if (o->samples < 1)
+			return cmd_usage_error(name, "--samples must be 1 at least");
+		return WH_OK;
+	case 'r':
+		return parse_number(name, "seed", optarg, &o->seed);
+	case 't':
+		if (parse_number(name, "threads", optarg, &o->threads) != WH_OK)
+			return WH_E_USAGE;
+		if (o->threads > 4096)
+			return cmd_usage_error(name, "--threads is 4096 at most");
+		return WH_OK;
+	default:
+		return cmd_usage_error(name, "wrong option");
+	}
+}
+
+/* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
+static int parse(int argc, char **argv, options *o, bool *done)
+{
+	static const struct option longs[] = {
+	    {"json", no_argument, NULL, 'j'},       {"samples", required_argument, NULL, 'n'},
+	    {"seed", required_argument, NULL, 'r'}, {"threads", required_argument, NULL, 't'},
+	    {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
+	optind = 1;
+	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
+		if (opt == 'h') {
+			print_help();
+			*done = true;
+			return WH_OK;
+		}
+		if (parse_option(argv[0], opt, o) != WH_OK)
+			return WH_E_USAGE;
+	}
+	if (argc - optind != 2)
+		return cmd_usage_error(argv[0], "two files are needed, %d given", argc - optind);
+	o->path[0] = argv[optind];
+	o->path[1] = argv[optind + 1];
+	return WH_OK;
+}
+
+static wh_code load(cmd_env *e, const char *path, wh_mesh *m)
+{
+	wh_spill spill;
+	if (wh_spill_open(&e->ctx, &spill, NULL, "/tmp") != WH_OK)
+		return e->ctx.err.code;
+	const wh_code code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, m, NULL, NULL);
+	wh_spill_close(&e->ctx, &spill);
+	return code;
+}
+
+static wh_code compare_files(cmd_env *e, const options *o, wh_compare *r)
+{
+	const wh_compare_params params = {.samples = (uint64_t)o->samples,
+	                                  .seed = (uint64_t)o->seed};
+	wh_mesh m[2] = {{0}, {0}};
+	wh_code code = load(e, o->path[0], m);
+	if (code == WH_OK)
+		code = load(e, o->path[1], m + 1);
+	if (code == WH_OK)
+		code = wh_compare_meshes(&e->ctx, &e->exec, m, m + 1, &params, r);
+	wh_mesh_free(&e->ctx, m + 1);
+	wh_mesh_free(&e->ctx, m);
+	return code;
+}
+
+/* One figure of a distance. */
+typedef struct row {
+	const char *key;
+	const char *text;
+	size_t offset; /* of a double in wh_distance */
+} row;
+
+static const row rows[] = {
+    {"mean", "mean", offsetof(wh_distance, mean)}, {"rms", "RMS", offsetof(wh_distance, rms)},
+    {"max", "max", offsetof(wh_distance, max)},    {"p50", "50 %", offsetof(wh_distance, p50)},
+    {"p90", "90 %", offsetof(wh_distance, p90)},   {"p99", "99 %", offsetof(wh_distance, p99)},
+};
+
+enum { NROWS = sizeof rows / sizeof rows[0] };
+
+static double value_of(const wh_distance *d, const row *w)
+{
+	double v;
+	memcpy(&v, (const char *)d + w->offset, sizeof v);
+	return v;
+}
+
+/* In millionths of the diagonal; 0 when there is none. */
+static double millionths(double x, double diagonal)
+{
+	return diagonal > 0 ? x / diagonal * 1e6 : 0;
+}
+
+static void print_row(const char *text, const double x[3], const char *format)
+{
+	(void)printf("%-26s", text);
+	for (int i = 0; i < 3; i++)
+		(void)printf(format, x[i]);
+	(void)printf("\n");
+}
+
+static void print_block(const wh_compare *r, const char *title, double factor, const char *format)
+{
+	const wh_distance *const d[] = {&r->a_to_b, &r->b_to_a, &r->both};
+	(void)printf("%s\n", title);
+	for (int i = 0; i < NROWS; i++) {
+		double x[3];
+		char text[32];
+		for (int k = 0; k < 3; k++)
+			x[k] = value_of(d[k], rows + i) * factor;
+		(void)snprintf(text, sizeof text, "  %s", rows[i].text);
+		print_row(text, x, format);
+	}
+}
+
+static void print_table(const wh_compare *r)
+{
+	const double percent = millionths(1, r->diagonal) / 1e4;
+	(void)printf("%-26s%14s%14s%14s\n", "", "A to B", "B to A", "both");
+	print_block(r, "distance", 1, "%14.6g");
+	print_block(r, "% of the diagonal", percent, "%14.6f");
+	print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
+	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "samples", r->a_to_b.samples,
+	             r->b_to_a.samples, r->both.samples);
+	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
+	             r->a_to_b.vertices, r->b_to_a.vertices, r->both.vertices);
+	(void)printf("%-26s%14.9g\n", "diagonal of A", r->diagonal);
+	(void)printf("%-26s%14.6g = %.2f millionths of the diagonal\n", "larger RMS", r->rms,
+	             millionths(r->rms, r->diagonal));
+}
+
+/* {"mean": x, ...}, all times the factor. */
+static json_t *json_figures(const wh_distance *d, double factor)
+{
+	json_t *j = json_object();
+	for (int i = 0; i < NROWS; i++)
+		(void)json_object_set_new(j, rows[i].key,
+		                          json_real(value_of(d, rows + i) * factor));
+	return j;
+}
+
+static json_t *json_side(const wh_distance *d, double diagonal)
+{
+	json_t *j = json_figures(d, 1);
+	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->samples));
+	(void)json_object_set_new(j, "vertices", json_integer((json_int_t)d->vertices));
+	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
+	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
+	return j;
+}
+
+static json_t *json_path(const char *path)
+{
+	json_t *name = json_string(path); /* NULL when the path is not UTF-8 */
+	return name ? name : json_null();
+}
+
+static wh_code print_json(wh_ctx *c, const options *o, const wh_compare *r)
+{
+	json_t *j = json_object();
+	int bad = json_object_set_new(j, "a", json_path(o->path[0]));
+	bad |= json_object_set_new(j, "b", json_path(o->path[1]));
+	bad |= json_object_set_new(j, "diagonal", json_real(r->diagonal));
+	bad |= json_object_set_new(j, "rms", json_real(r->rms));
+	bad |= json_object_set_new(j, "rms_millionths", json_real(millionths(r->rms, r->diagonal)));
+	bad |= json_object_set_new(j, "a_to_b", json_side(&r->a_to_b, r->diagonal));
+	bad |= json_object_set_new(j, "b_to_a", json_side(&r->b_to_a, r->diagonal));
+	bad |= json_object_set_new(j, "both", json_side(&r->both, r->diagonal));
+	if (!bad)
+		bad = json_dumpf(j, stdout, JSON_INDENT(2));
+	json_decref(j);
+	(void)printf("\n");
+	return bad ? wh_fail(c, WH_E_RUN, "the JSON could not be written") : WH_OK;
+}
+
+int cmd_compare(int argc, char **argv)
+{
+	options o = {0};
+	bool done = false;
+	const int usage = parse(argc, argv, &o, &done);
+	if (usage != WH_OK || done)
+		return usage;
+	cmd_env e;
+	wh_compare r;
+	cmd_env_init(&e, argv[0]);
+	e.exec.workers = wh_exec_threads((int)o.threads);
+	if (compare_files(&e, &o, &r) != WH_OK)
+		return cmd_report_failure(&e);
+	if (!o.json)
+		print_table(&r);
+	else if (print_json(&e.ctx, &o, &r) != WH_OK)
+		return cmd_report_failure(&e);
+	return WH_OK;
+}
