@@ -124,7 +124,8 @@ static bool parse_triple(const char *text, double out[3])
 			*comma = '\0';
 		if (!cmd_parse_real(rest, &out[i]))
 			return false;
-		rest = comma + (comma != NULL);
+		if (comma)
+			rest = comma + 1;
 	}
 	return true;
 }
