@@ -3,6 +3,7 @@
 
 #include "base/rng.h"
 #include "mesh/check.h"
+#include "pipeline/normalise.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -345,6 +346,83 @@ static void refused_memory_leaks_nothing(void **state)
 	}
 }
 
+/* ---- real scans
+ * ------------------------------------------------------------------------------------ */
+
+/* The number after "key=" in a manifest's notes, or what its absence means. */
+static uint64_t noted(const char *notes, const char *key, uint64_t otherwise)
+{
+	char pattern[32];
+	(void)snprintf(pattern, sizeof pattern, " %s=", key);
+	const char *at = strstr(notes, pattern);
+	return at ? strtoull(at + strlen(pattern), NULL, 10) : otherwise;
+}
+
+static void scan_matches(const char *file, uint64_t vertices, uint64_t faces, const char *notes)
+{
+	testing_env t;
+	testing_init(&t);
+	char path[1024];
+	const wh_exec ex = {1};
+	wh_spill spill;
+	wh_mesh m;
+	wh_check r;
+	uint64_t degenerate;
+	(void)snprintf(path, sizeof path, "%s/%s", WHITTLE_DATA, file);
+	print_message("%s\n", file);
+	assert_int_equal(wh_spill_open(&t.ctx, &spill, NULL, "."), WH_OK);
+	assert_int_equal(wh_load_mesh(&t.ctx, &ex, &spill, path, &m, NULL, &degenerate), WH_OK);
+	assert_int_equal(wh_check_mesh(&t.ctx, &m, &r), WH_OK);
+	assert_int_equal(r.vertices, vertices);
+	if (!strstr(notes, "tristrips")) /* of which each turn of a strip is one dropped */
+		assert_int_equal(r.faces + degenerate, faces);
+	assert_int_equal(r.boundary_edges, noted(notes, "boundaryE", 0));
+	assert_int_equal(r.nonmanifold_edges, noted(notes, "nonmanE", 0));
+	assert_int_equal(r.misoriented_edges, noted(notes, "badOrientE", 0));
+	assert_int_equal(r.components, noted(notes, "comps", 1));
+	assert_int_equal(r.duplicate_vertices, noted(notes, "dupV", 0));
+	assert_int_equal(r.unreferenced_vertices, noted(notes, "unrefV", 0));
+	assert_int_equal(r.zero_area_faces, noted(notes, "zeroAreaF", 0));
+	wh_mesh_free(&t.ctx, &m);
+	wh_spill_close(&t.ctx, &spill);
+	testing_done(&t);
+}
+
+/* One line of the manifest: file, source, licence, vertices, faces, notes, between tabs. */
+static bool scan_of_line(char *line)
+{
+	char *field[6];
+	int n = 0;
+	for (char *p = line; p && n < 6; n++) {
+		field[n] = p;
+		p = strchr(p, '\t');
+		if (p)
+			*p++ = '\0';
+	}
+	if (n < 6 || strncmp(field[0], "scans/", 6) != 0 || !strstr(field[5], "format PLY") ||
+	    strstr(field[5], "nonfinite"))
+		return false;
+	scan_matches(field[0], strtoull(field[3], NULL, 10), strtoull(field[4], NULL, 10),
+	             field[5]);
+	return true;
+}
+
+static void scans_have_the_counts_of_their_manifest(void **state)
+{
+	(void)state;
+	FILE *f = fopen(WHITTLE_DATA "/MANIFEST.tsv", "r");
+	if (!f) {
+		print_message("no scans in %s: skipped\n", WHITTLE_DATA);
+		skip();
+	}
+	char line[4096];
+	int seen = 0;
+	while (fgets(line, sizeof line, f))
+		seen += scan_of_line(line);
+	(void)fclose(f);
+	assert_true(seen > 10);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -364,6 +442,7 @@ int main(void)
 	    cmocka_unit_test(hub_vertex_is_sorted_in_time),
 	    cmocka_unit_test(random_soups_match_a_sorted_edge_list),
 	    cmocka_unit_test(refused_memory_leaks_nothing),
+	    cmocka_unit_test(scans_have_the_counts_of_their_manifest),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }
