@@ -1,0 +1,88 @@
+# whittle check: counts of small meshes, JSON, --strict, refusals.
+set -u
+dir=$(mktemp -d) || exit 1
+trap 'rm -rf "$dir"' EXIT
+cd "$dir" || exit 1
+failures=0
+
+fail() {
+	echo "FAILED: $*"
+	failures=$((failures + 1))
+}
+
+# expect STATUS COMMAND...: runs it, keeps its words in out and err
+expect() {
+	local want=$1 got
+	shift
+	"$@" >out 2>err
+	got=$?
+	[ "$got" -eq "$want" ] || fail "status $got instead of $want: $* ($(cat err))"
+}
+
+# row TEXT VALUE: the table has this line
+row() {
+	grep -q "^ *$1  *$2\$" out || fail "no \"$1 $2\" in: $(cat out)"
+}
+
+header() {
+	printf 'ply\nformat ascii 1.0\nelement vertex %s\n' "$1"
+	printf 'property float x\nproperty float y\nproperty float z\n'
+	printf 'element face %s\nproperty list uchar int vertex_indices\nend_header\n' "$2"
+}
+
+{
+	header 4 4
+	printf '0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n'
+} >tetrahedron.ply
+{
+	header 6 4
+	printf '0 0 0\n1 0 0\n1 1 0\n-1 0 0\n-1 -1 0\n1 1 0\n'
+	printf '3 0 1 2\n3 0 3 4\n3 0 3 3\n3 3 4 0\n'
+} >broken.ply
+
+expect 0 "$WHITTLE" check tetrahedron.ply --strict
+row vertices 4
+row edges 6
+row boundary 0
+row genus 0
+row clean yes
+
+expect 0 "$WHITTLE" check broken.ply
+row clean no
+row degenerate 1
+row duplicates 1
+row unreferenced 1
+row 'at the position of another' 1
+row 'badly oriented' 3
+row genus undefined
+expect 3 "$WHITTLE" check --strict broken.ply
+
+expect 0 "$WHITTLE" check --json broken.ply
+for want in '"clean": false' '"genus": null' '"degenerate_faces": 1' '"components": 1' \
+	'"edge_components": 2' '"nonmanifold_vertices": 1' '"file": "broken.ply"'; do
+	grep -q "$want" out || fail "no $want in the JSON"
+done
+
+# the same words for any number of threads
+"$WHITTLE" generate -q -o sphere.ply --faces 30K || fail "generate"
+expect 0 "$WHITTLE" check --json --threads 1 sphere.ply
+mv out one
+expect 0 "$WHITTLE" check --json --threads 3 sphere.ply
+cmp -s one out || fail "threads changed the figures"
+expect 0 "$WHITTLE" check --strict sphere.ply
+row 'Euler characteristic' 2
+
+# refusals
+expect 2 "$WHITTLE" check
+expect 2 "$WHITTLE" check a.ply b.ply
+expect 2 "$WHITTLE" check --threads few tetrahedron.ply
+expect 2 "$WHITTLE" check --nonsense tetrahedron.ply
+expect 0 "$WHITTLE" check --help
+expect 3 "$WHITTLE" check missing.ply
+grep -q 'missing.ply' err || fail "a missing file is not named"
+expect 3 "$WHITTLE" check .
+head -c 200 sphere.ply >cut.ply
+expect 3 "$WHITTLE" check cut.ply
+
+[ "$failures" -eq 0 ] || exit 1
+echo "check: ok"

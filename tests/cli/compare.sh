@@ -1,0 +1,72 @@
+# whittle compare: known distances, the same figures for any number of threads, refusals.
+set -u
+dir=$(mktemp -d) || exit 1
+trap 'rm -rf "$dir"' EXIT
+cd "$dir" || exit 1
+failures=0
+
+fail() {
+	echo "FAILED: $*"
+	failures=$((failures + 1))
+}
+
+# expect STATUS COMMAND...: runs it, keeps its words in out and err
+expect() {
+	local want=$1 got
+	shift
+	"$@" >out 2>err
+	got=$?
+	[ "$got" -eq "$want" ] || fail "status $got instead of $want: $* ($(cat err))"
+}
+
+# square NAME HEIGHT
+square() {
+	{
+		printf 'ply\nformat ascii 1.0\nelement vertex 4\n'
+		printf 'property float x\nproperty float y\nproperty float z\n'
+		printf 'element face 2\nproperty list uchar int vertex_indices\nend_header\n'
+		printf '0 0 %s\n3 0 %s\n3 4 %s\n0 4 %s\n3 0 1 2\n3 0 2 3\n' "$2" "$2" "$2" "$2"
+	} >"$1"
+}
+
+square low.ply 0
+square high.ply 0.5
+expect 0 "$WHITTLE" compare low.ply high.ply --samples 10K
+grep -q '^  mean  *0.5  *0.5  *0.5$' out || fail "the mean is not 0.5: $(cat out)"
+grep -q '^  max  *10.000000  *10.000000  *10.000000$' out || fail "the maximum is not 10 %"
+grep -q '^  RMS  *100000.00  *100000.00  *100000.00$' out || fail "the RMS is not 1e5"
+grep -q '^samples  *10000  *10000  *20000$' out || fail "samples"
+grep -q '^diagonal of A  *5$' out || fail "diagonal"
+expect 0 "$WHITTLE" compare low.ply low.ply --samples 1K
+grep -q '^larger RMS  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
+expect 0 "$WHITTLE" compare low.ply high.ply --json --samples 1000
+for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000'; do
+	grep -q "$want" out || fail "no $want in the JSON: $(cat out)"
+done
+
+# the schedule leaves no trace, the seed does
+"$WHITTLE" generate -q -o a.ply --faces 30K || fail "generate"
+"$WHITTLE" generate -q -o b.ply --faces 4K || fail "generate"
+for threads in 1 2 3; do
+	expect 0 "$WHITTLE" compare a.ply b.ply --json --samples 50K --threads $threads
+	mv out out.$threads
+done
+cmp -s out.1 out.2 && cmp -s out.1 out.3 || fail "threads changed the figures"
+expect 0 "$WHITTLE" compare a.ply b.ply --json --samples 50K --seed 1
+cmp -s out.1 out && fail "the seed changed nothing"
+
+# refusals
+expect 2 "$WHITTLE" compare
+expect 2 "$WHITTLE" compare a.ply
+expect 2 "$WHITTLE" compare a.ply b.ply low.ply
+expect 2 "$WHITTLE" compare a.ply b.ply --samples 0
+expect 2 "$WHITTLE" compare a.ply b.ply --samples many
+expect 2 "$WHITTLE" compare a.ply b.ply --seed
+expect 2 "$WHITTLE" compare a.ply b.ply --nonsense
+expect 0 "$WHITTLE" compare --help
+expect 3 "$WHITTLE" compare a.ply missing.ply
+grep -q 'missing.ply' err || fail "a missing file is not named"
+expect 3 "$WHITTLE" compare a.ply .
+
+[ "$failures" -eq 0 ] || exit 1
+echo "compare: ok"
