@@ -25,7 +25,7 @@ wh_code wh_ply_pread(wh_ctx *c, const char *path, int fd, void *buf, size_t n, u
 			return wh_fail_errno(c, "cannot read '%s' at byte %" PRIu64, path, offset);
 		if (got == 0)
 			return wh_fail(c, WH_E_INPUT,
-			               "'%s' ends at byte %" PRIu64
+			               "'%s' ends before byte %" PRIu64
 			               ", where %zu bytes more are needed: it is cut short",
 			               path, offset, n);
 		to += got;
