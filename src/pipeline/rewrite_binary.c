@@ -367,7 +367,7 @@ static wh_code stream_strip(wh_ctx *c, const stream *s)
 {
 	wh_facer_strip_start(s->facer);
 	for (uint64_t i = 0; i < s->values.n; i++) {
-		uint64_t id;
+		uint64_t id = 0;
 		if (stream_value(c, s, i, &id) != WH_OK)
 			return c->err.code;
 		if (id >= s->rw->source.nv) {
@@ -387,7 +387,7 @@ static wh_code stream_smallest(wh_ctx *c, const stream *s, uint64_t *tip)
 {
 	*tip = UINT64_MAX;
 	for (uint64_t i = 0; i < s->values.n; i++) {
-		uint64_t id;
+		uint64_t id = 0;
 		if (stream_value(c, s, i, &id) != WH_OK)
 			return c->err.code;
 		if (id >= s->rw->source.nv)
@@ -400,7 +400,7 @@ static wh_code stream_smallest(wh_ctx *c, const stream *s, uint64_t *tip)
 /* The same fan that a facer makes of a large polygon in memory. */
 static wh_code stream_fan(wh_ctx *c, const stream *s)
 {
-	uint64_t tip, last, id;
+	uint64_t tip, last = 0, id = 0;
 	const uint64_t before = s->rw->source.nf + s->facer->out_n;
 	if (stream_smallest(c, s, &tip) != WH_OK || s->values.n == 0)
 		return c->err.code;

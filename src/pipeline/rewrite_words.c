@@ -231,7 +231,7 @@ static wh_code take_when_full(wh_ctx *c, const reader *r, wh_facer *f)
 static wh_code read_strip(wh_ctx *c, reader *r, wh_facer *f)
 {
 	uint64_t n;
-	uint64_t id;
+	uint64_t id = 0;
 	if (read_length(c, r, &n) != WH_OK)
 		return c->err.code;
 	wh_facer_strip_start(f);
