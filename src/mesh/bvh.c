@@ -11,7 +11,8 @@
  * no nearest face is missed. Distances to faces are doubles.
  *
  * Cost. Memory: 27 bytes a face for boxes, 24 for the copy of the mesh, 16 more while building.
- * Time: n log n; 1 M faces in 0.2 s on one thread. A query looks at 8 boxes in one vectorised go.
+ * Time: n log n, 1 M faces in about 0.3 s on one thread. A query looks at 8 boxes at a time, in
+ * vector registers, and takes well under a microsecond near the surface of 1 M faces.
  */
 #include "mesh/bvh.h"
 

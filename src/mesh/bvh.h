@@ -52,7 +52,7 @@ void wh_bvh_free(wh_ctx *c, wh_bvh *t);
 /*
  * Squared distance of p (local, within the frame) from the surface. *hint is a face of the
  * tree that may be near, or WH_NONE; it becomes the nearest face. A good hint, such as that of
- * a point near by, saves half of the time.
+ * a point near by, makes the query faster.
  */
 double wh_bvh_dist2(const wh_bvh *t, wh_vec3 p, uint32_t *hint);
 
