@@ -35,9 +35,9 @@ static const double ROUND_NO_PROGRESS = 0.9;
 static const double RECUT_SKEW = 0.4;
 
 enum {
-	SURVEY_FACES = 32 * 1024,        /* a piece of a survey */
-	BASE_BYTES = 12 * 1024 * 1024,   /* program, libraries, stacks, small allocations */
-	BUFFER_LEAST = 4 * 1024,         /* write buffer of a cluster during ingest */
+	SURVEY_FACES = 32 * 1024,      /* a piece of a survey */
+	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
+	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
 	BUFFER_MOST = 256 * 1024
 };
 
@@ -51,8 +51,8 @@ typedef struct run {
 	wh_input input;
 	bool input_open;
 	wh_ingest_result ingest;
-	wh_store store;       /* what the mesh lies in now */
-	uint64_t faces;       /* of it */
+	wh_store store; /* what the mesh lies in now */
+	uint64_t faces; /* of it */
 	uint32_t generations;
 	wh_patch patch;
 	double max_err;
@@ -62,16 +62,15 @@ typedef struct run {
 
 const char *wh_phase_name(wh_phase phase)
 {
-	static const char *const name[WH_PHASES] = {"open",   "ingest", "survey", "decimate", "recut",
-	                                            "stitch", "final",  "check",  "write"};
+	static const char *const name[WH_PHASES] = {
+	    "open", "ingest", "survey", "decimate", "recut", "stitch", "final", "check", "write"};
 	return name[phase];
 }
 
 wh_reduce_params wh_reduce_defaults(void)
 {
-	return (wh_reduce_params){.cluster_faces = 256 * 1024,
-	                          .micro_faces = 16 * 1024,
-	                          .final_faces = 1000 * 1000};
+	return (wh_reduce_params){
+	    .cluster_faces = 256 * 1024, .micro_faces = 16 * 1024, .final_faces = 1000 * 1000};
 }
 
 static void phase_begin(run *r)
@@ -95,8 +94,9 @@ static size_t budget(const run *r)
 static wh_code too_small(run *r, const char *what, size_t need)
 {
 	const size_t mib = (need + BASE_BYTES) / (1024 * 1024) + 2;
-	return wh_fail(r->c, WH_E_PLAN, "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM",
-	               what, r->memory / (1024 * 1024), mib);
+	return wh_fail(r->c, WH_E_PLAN,
+	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
+	               r->memory / (1024 * 1024), mib);
 }
 
 /* As many workers as fit when each takes `each` bytes. */
@@ -146,8 +146,8 @@ static double wanted_share(const run *r)
 	if (t->target_faces)
 		share = (double)t->target_faces / (double)r->faces;
 	if (t->target_vertices) {
-		const double as_faces = (double)t->target_vertices * (double)t->input_faces /
-		                        (double)t->input_vertices;
+		const double as_faces =
+		    (double)t->target_vertices * (double)t->input_faces / (double)t->input_vertices;
 		share = larger_of(share, as_faces / (double)r->faces);
 	}
 	return share;
@@ -256,7 +256,8 @@ static wh_code ingest(run *r)
 	t->clusters = r->store.clusters;
 	t->diagonal = wh_norm(wh_sub(r->ingest.hi, r->ingest.lo));
 	if (r->faces == 0)
-		return wh_fail(r->c, WH_E_INPUT, "%s: all %llu faces are degenerate: nothing to reduce",
+		return wh_fail(r->c, WH_E_INPUT,
+		               "%s: all %llu faces are degenerate: nothing to reduce",
 		               r->params->input, (unsigned long long)t->input_faces);
 	r->max_err = INFINITY;
 	if (r->params->error > 0)
@@ -273,7 +274,8 @@ static wh_code cluster_workers(run *r, wh_exec *ex)
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
 	/* raw bytes of the file and the index that resolves its ids come on top */
-	const size_t load = (size_t)max_f * 12 + (size_t)max_v * (wh_store_vertex_bytes(&r->store) + 8);
+	const size_t load =
+	    (size_t)max_f * 12 + (size_t)max_v * (wh_store_vertex_bytes(&r->store) + 8);
 	return fit_workers(r, "a cluster", load + wh_cluster_bytes(max_v, max_f), ex);
 }
 
@@ -284,7 +286,8 @@ static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params 
 	wh_survey s = {.histogram = wh_calloc(r->c, WH_HIST_BINS, sizeof *s.histogram)};
 	wh_code code = r->c->err.code;
 	if (code == WH_OK)
-		code = wh_round_survey(r->c, ex, &r->progress, &r->store, SURVEY_FACES, &p->all, &s);
+		code =
+		    wh_round_survey(r->c, ex, &r->progress, &r->store, SURVEY_FACES, &p->all, &s);
 	if (code == WH_OK) {
 		p->all.max_cost = wh_survey_cost(&s, keep);
 		p->micro_cost = wh_survey_cost(&s, larger_of(keep, MICRO_KEEP_LEAST));
@@ -334,8 +337,8 @@ static wh_code recut(run *r)
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
 	phase_begin(r);
-	const wh_code code = wh_round_recut(r->c, &r->exec, &r->progress, &r->store, &next, RECUT_SKEW,
-	                                    BUFFER_MOST / 4, &r->report->cut_vertices);
+	const wh_code code = wh_round_recut(r->c, &r->exec, &r->progress, &r->store, &next,
+	                                    RECUT_SKEW, BUFFER_MOST / 4, &r->report->cut_vertices);
 	if (phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
 		return code;
 	wh_round_remove(&r->store);
@@ -410,7 +413,8 @@ static wh_code final_pass(run *r)
 		t->nonmanifold_kept = done.fixed;
 		t->exhausted = done.exhausted && (t->target_faces || t->target_vertices) &&
 		               !isfinite(r->max_err);
-		t->one_less = t->target_faces && !t->target_vertices && r->patch.nf < t->target_faces;
+		t->one_less =
+		    t->target_faces && !t->target_vertices && r->patch.nf < t->target_faces;
 	}
 	return phase_end(r, WH_PHASE_FINAL, code);
 }
@@ -418,8 +422,8 @@ static wh_code final_pass(run *r)
 static wh_code check(run *r)
 {
 	wh_reduce_report *t = r->report;
-	const wh_mesh m = {.nv = r->patch.nv, .nf = r->patch.nf, .pos = r->patch.pos,
-	                   .tri = r->patch.tri};
+	const wh_mesh m = {
+	    .nv = r->patch.nv, .nf = r->patch.nf, .pos = r->patch.pos, .tri = r->patch.tri};
 	wh_check found;
 	phase_begin(r);
 	wh_progress_phase(&r->progress, "check", m.nf);
@@ -447,7 +451,8 @@ static wh_code write_result(run *r, wh_outfile **out)
 	phase_begin(r);
 	wh_code code = wh_finish_order(r->c, &r->patch);
 	if (code == WH_OK)
-		code = wh_finish_write(r->c, &r->progress, *out, style, &r->patch, r->ingest.origin);
+		code =
+		    wh_finish_write(r->c, &r->progress, *out, style, &r->patch, r->ingest.origin);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
@@ -505,10 +510,11 @@ static wh_code verdict(run *r)
 	const wh_reduce_report *t = r->report;
 	if (!t->exhausted)
 		return WH_OK;
-	return wh_fail(r->c, WH_E_TARGET,
-	               "%s: stopped at %llu faces, more than asked for: every further collapse would "
-	               "change the topology or turn faces over; this best mesh was written",
-	               r->params->output, (unsigned long long)t->output_faces);
+	return wh_fail(
+	    r->c, WH_E_TARGET,
+	    "%s: stopped at %llu faces, more than asked for: every further collapse would "
+	    "change the topology or turn faces over; this best mesh was written",
+	    r->params->output, (unsigned long long)t->output_faces);
 }
 
 static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
@@ -528,8 +534,11 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	if (sensible(c, params) != WH_OK)
 		return c->err.code;
 	const double start = wh_seconds();
-	run r = {.c = c, .params = params, .report = report,
-	         .progress = {.fn = params->progress, .user = params->progress_user,
+	run r = {.c = c,
+	         .params = params,
+	         .report = report,
+	         .progress = {.fn = params->progress,
+	                      .user = params->progress_user,
 	                      .telling = ATOMIC_FLAG_INIT},
 	         .exec = {.workers = wh_exec_threads(params->threads)},
 	         .memory = params->memory ? params->memory : wh_topo_memory() / 2};

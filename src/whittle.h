@@ -15,29 +15,29 @@
 
 /* What to do. Zero-initialise with wh_reduce_defaults. */
 typedef struct wh_reduce_params {
-	const char *input;        /* PLY file */
-	const char *output;       /* path, or "-" for standard output */
-	bool force;               /* write over an existing output */
-	bool ascii;               /* text instead of binary */
+	const char *input;  /* PLY file */
+	const char *output; /* path, or "-" for standard output */
+	bool force;         /* write over an existing output */
+	bool ascii;         /* text instead of binary */
 
 	/* Limits; the first one reached stops. At least one must be set. */
-	uint64_t faces;           /* triangles; 0: none */
-	double face_ratio;        /* share of the input's triangles in (0, 1]; 0: none */
-	uint64_t vertices;        /* 0: none */
-	double vertex_ratio;      /* 0: none */
-	double error;             /* accumulated distance, in units of the file; 0: none */
-	double error_share;       /* the same as a share of the bounding-box diagonal; 0: none */
+	uint64_t faces;      /* triangles; 0: none */
+	double face_ratio;   /* share of the input's triangles in (0, 1]; 0: none */
+	uint64_t vertices;   /* 0: none */
+	double vertex_ratio; /* 0: none */
+	double error;        /* accumulated distance, in units of the file; 0: none */
+	double error_share;  /* the same as a share of the bounding-box diagonal; 0: none */
 
-	bool lock_boundary;       /* boundary edges stay exactly as they are */
+	bool lock_boundary; /* boundary edges stay exactly as they are */
 
-	size_t memory;            /* ceiling of the process, bytes; 0: half of what there is */
-	int threads;              /* 0: all that the process may use */
-	const char *temp_dir;     /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
+	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
+	int threads;          /* 0: all that the process may use */
+	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
 
 	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
-	uint64_t cluster_faces;   /* faces of a cluster; 0: one cluster, no rounds */
-	uint64_t micro_faces;     /* faces of a micro-cluster; 0: none */
-	uint64_t final_faces;     /* rounds go on until no more faces than this are left */
+	uint64_t cluster_faces; /* faces of a cluster; 0: one cluster, no rounds */
+	uint64_t micro_faces;   /* faces of a micro-cluster; 0: none */
+	uint64_t final_faces;   /* rounds go on until no more faces than this are left */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */
 	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);
@@ -64,23 +64,23 @@ const char *wh_phase_name(wh_phase phase);
 /* What was done. */
 typedef struct wh_reduce_report {
 	uint64_t input_bytes, input_vertices, input_faces; /* faces: triangles */
-	uint64_t polygons;             /* input faces with more than three corners */
-	uint64_t degenerate_faces;     /* dropped: a vertex repeated */
+	uint64_t polygons;              /* input faces with more than three corners */
+	uint64_t degenerate_faces;      /* dropped: a vertex repeated */
 	uint64_t unreferenced_vertices; /* dropped: in no face */
-	double diagonal;               /* of the input's bounding box */
+	double diagonal;                /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
 	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
 	int64_t euler;
-	char checksum[33];             /* XXH3-128 of the output's bytes, hexadecimal */
+	char checksum[33]; /* XXH3-128 of the output's bytes, hexadecimal */
 
 	uint64_t target_faces, target_vertices; /* as worked out; 0: none */
-	bool unchanged;                /* the target was no smaller than the input: copied */
-	bool one_less;                 /* one face fewer than asked for: parity forbids the count */
-	bool exhausted;                /* stopped above the target: nothing legal was left */
-	uint64_t nonmanifold_kept;     /* vertices locked because they are not manifold */
-	double cost_distance;          /* cost of the dearest collapse, as a distance */
-	double accumulated_error;      /* bound of the accumulated distance, worst vertex */
+	bool unchanged;            /* the target was no smaller than the input: copied */
+	bool one_less;             /* one face fewer than asked for: parity forbids the count */
+	bool exhausted;            /* stopped above the target: nothing legal was left */
+	uint64_t nonmanifold_kept; /* vertices locked because they are not manifold */
+	double cost_distance;      /* cost of the dearest collapse, as a distance */
+	double accumulated_error;  /* bound of the accumulated distance, worst vertex */
 
 	uint64_t clusters, rounds, cut_vertices;
 	int threads;

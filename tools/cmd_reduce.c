@@ -207,8 +207,8 @@ static const char *option_name(int opt)
 
 static bool has_limit(const wh_reduce_params *p)
 {
-	return p->faces || p->face_ratio > 0 || p->vertices || p->vertex_ratio > 0 || p->error > 0 ||
-	       p->error_share > 0;
+	return p->faces || p->face_ratio > 0 || p->vertices || p->vertex_ratio > 0 ||
+	       p->error > 0 || p->error_share > 0;
 }
 
 /* WH_OK, or the status to leave with. */
@@ -246,7 +246,8 @@ static int threads_of_environment(void)
 	static const char *const names[] = {"SLURM_CPUS_PER_TASK", "OMP_NUM_THREADS"};
 	for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
 		int64_t n;
-		const char *text = getenv(names[i]); /* NOLINT(concurrency-mt-unsafe): one thread yet */
+		const char *text =
+		    getenv(names[i]); /* NOLINT(concurrency-mt-unsafe): one thread yet */
 		if (text && cmd_parse_count(text, false, &n) && n >= 1 && n <= 1024)
 			return (int)n;
 	}
@@ -265,7 +266,8 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 	if (r->unchanged)
 		(void)fprintf(f, "the target is no smaller than the input: copied unchanged\n");
 	if (r->one_less)
-		(void)fprintf(f, "one face less than asked for: the count's parity is out of reach\n");
+		(void)fprintf(f,
+		              "one face less than asked for: the count's parity is out of reach\n");
 	if (r->degenerate_faces)
 		(void)fprintf(f, "dropped %llu degenerate face%s\n",
 		              (unsigned long long)r->degenerate_faces, plural(r->degenerate_faces));

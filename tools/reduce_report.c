@@ -14,7 +14,8 @@ size_t cmd_peak_rss(void)
 
 double reduce_faces_per_second(const wh_reduce_report *r)
 {
-	const uint64_t gone = r->input_faces > r->output_faces ? r->input_faces - r->output_faces : 0;
+	const uint64_t gone =
+	    r->input_faces > r->output_faces ? r->input_faces - r->output_faces : 0;
 	return r->seconds_total > 0 ? (double)gone / r->seconds_total : 0;
 }
 
@@ -142,7 +143,8 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 			status = -1;
 	}
 	if (status != 0)
-		(void)fprintf(stderr, "whittle %s: cannot write the report to '%s'\n", e->name, path);
+		(void)fprintf(stderr, "whittle %s: cannot write the report to '%s'\n", e->name,
+		              path);
 	json_decref(root);
 	return status;
 }

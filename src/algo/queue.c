@@ -19,7 +19,8 @@ wh_code wh_queue_push(wh_ctx *c, wh_queue *q, uint32_t bucket, uint32_t u, uint3
 	if (i != NIL) {
 		q->free_head = q->entry[i].next;
 	} else {
-		if (wh_reserve(c, &q->entry, &q->cap, (size_t)q->used + 1, sizeof *q->entry) != WH_OK)
+		if (wh_reserve(c, &q->entry, &q->cap, (size_t)q->used + 1, sizeof *q->entry) !=
+		    WH_OK)
 			return c->err.code;
 		i = q->used++;
 	}

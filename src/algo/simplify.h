@@ -16,19 +16,19 @@ typedef struct wh_simplify_params {
 	uint32_t target_faces;    /* stop at or below this many faces; 0: no limit */
 	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
 	double max_cost;          /* no collapse above this cost; INFINITY: no limit */
-	double max_err;           /* no collapse whose accumulated distance exceeds this; INFINITY */
-	bool lock_boundary;       /* vertices on boundary edges stay as they are */
-	bool float_positions;     /* new positions are rounded to float */
-	uint64_t *histogram;      /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
+	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
+	bool lock_boundary;   /* vertices on boundary edges stay as they are */
+	bool float_positions; /* new positions are rounded to float */
+	uint64_t *histogram;  /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {
 	uint64_t collapses;
-	double highest_cost;   /* of the collapses done */
-	double highest_err;    /* accumulated distance bound of the worst vertex made */
-	double cost_distance;  /* the highest cost as a distance: sqrt(cost / weight of its faces) */
-	bool exhausted;        /* stopped because no legal collapse was left within the limits */
-	uint32_t fixed;        /* non-manifold vertices found and kept */
+	double highest_cost;  /* of the collapses done */
+	double highest_err;   /* accumulated distance bound of the worst vertex made */
+	double cost_distance; /* the highest cost as a distance: sqrt(cost / weight of its faces) */
+	bool exhausted;       /* stopped because no legal collapse was left within the limits */
+	uint32_t fixed;       /* non-manifold vertices found and kept */
 } wh_simplify_result;
 
 typedef struct wh_simplify_work wh_simplify_work;

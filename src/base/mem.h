@@ -13,10 +13,11 @@
 #include <stdatomic.h>
 
 typedef struct wh_mem {
-	_Atomic size_t used;       /* bytes held now */
-	_Atomic size_t peak;       /* most bytes held at any time */
-	size_t limit;              /* refuse to hold more than this; 0 = no limit */
-	_Atomic long fail_after;   /* tests: when > 0, counts down; the request that reaches 0 fails */
+	_Atomic size_t used; /* bytes held now */
+	_Atomic size_t peak; /* most bytes held at any time */
+	size_t limit;        /* refuse to hold more than this; 0 = no limit */
+	_Atomic long
+	    fail_after; /* tests: when > 0, counts down; the request that reaches 0 fails */
 } wh_mem;
 
 /* count * size bytes, uninitialised. NULL, with the failure recorded, when refused or

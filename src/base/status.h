@@ -17,13 +17,13 @@
 /* The values are the exit statuses of the command, so that nothing has to translate them. */
 typedef enum wh_code {
 	WH_OK = 0,
-	WH_E_RUN = 1,        /* I/O failure, full disk, memory the system refused */
-	WH_E_USAGE = 2,      /* the caller asked for something that makes no sense */
-	WH_E_INPUT = 3,      /* the input file is damaged or holds nothing to work on */
-	WH_E_TARGET = 4,     /* the target cannot be reached; the best mesh was written */
-	WH_E_PLAN = 5,       /* the memory or disk ceiling cannot be met */
-	WH_E_INTERRUPT = 6,  /* the caller asked to stop (the command maps it to 128 + signal) */
-	WH_E_IRREGULAR = 7   /* internal: a fast path met data it cannot handle; nothing reported */
+	WH_E_RUN = 1,       /* I/O failure, full disk, memory the system refused */
+	WH_E_USAGE = 2,     /* the caller asked for something that makes no sense */
+	WH_E_INPUT = 3,     /* the input file is damaged or holds nothing to work on */
+	WH_E_TARGET = 4,    /* the target cannot be reached; the best mesh was written */
+	WH_E_PLAN = 5,      /* the memory or disk ceiling cannot be met */
+	WH_E_INTERRUPT = 6, /* the caller asked to stop (the command maps it to 128 + signal) */
+	WH_E_IRREGULAR = 7  /* internal: a fast path met data it cannot handle; nothing reported */
 } wh_code;
 
 typedef struct wh_error {
@@ -35,9 +35,9 @@ struct wh_mem;
 
 /* What every call needs to know of its surroundings. Copy it (wh_ctx_fork) for another thread. */
 typedef struct wh_ctx {
-	struct wh_mem *mem;                         /* shared memory account */
-	const volatile int *cancel;                 /* nonzero: stop soon; may be NULL */
-	wh_error err;                               /* first failure of this context */
+	struct wh_mem *mem;         /* shared memory account */
+	const volatile int *cancel; /* nonzero: stop soon; may be NULL */
+	wh_error err;               /* first failure of this context */
 } wh_ctx;
 
 /* Records a failure, unless one is recorded already, and returns its code. */
@@ -50,7 +50,8 @@ wh_code wh_fail_errno(wh_ctx *c, const char *fmt, ...) __attribute__((format(pri
 /* A context for another thread: same account and cancel flag, no failure recorded. */
 wh_ctx wh_ctx_fork(const wh_ctx *c);
 
-/* WH_E_INTERRUPT, recorded, when the caller has asked to stop; else WH_OK. Call it in long loops. */
+/* WH_E_INTERRUPT, recorded, when the caller has asked to stop; else WH_OK. Call it in long loops.
+ */
 wh_code wh_poll(wh_ctx *c);
 
 #endif

@@ -90,8 +90,8 @@ wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_
 {
 	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
 #ifdef _OPENMP
-#pragma omp parallel for ordered schedule(dynamic, 1) num_threads(ex->workers) \
-    if (ex->workers > 1 && n > 1)
+#pragma omp parallel for ordered schedule(dynamic, 1) \
+    num_threads(ex->workers) if (ex->workers > 1 && n > 1)
 #endif
 	for (int64_t i = 0; i < n; i++) {
 		run_one(c, &o, job, arg, i, worker_number());

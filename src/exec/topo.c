@@ -55,7 +55,8 @@ static uint64_t group_memory(void)
 		if (strncmp(line, "0::", 3) == 0)
 			(void)snprintf(path, sizeof path, "/sys/fs/cgroup%s/memory.max", line + 3);
 		else if (strstr(line, ":memory:"))
-			(void)snprintf(path, sizeof path, "/sys/fs/cgroup/memory%s/memory.limit_in_bytes",
+			(void)snprintf(path, sizeof path,
+			               "/sys/fs/cgroup/memory%s/memory.limit_in_bytes",
 			               strrchr(line, ':') + 1);
 		else
 			continue;

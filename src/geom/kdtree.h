@@ -13,9 +13,9 @@
 #include "geom/vec3.h"
 
 typedef struct wh_kdnode {
-	double cut;      /* coordinate < cut: left */
-	uint32_t axis;   /* 0, 1, 2; 3: a cell */
-	uint32_t right;  /* inner: index of the right child (left is the next node); cell: number */
+	double cut;     /* coordinate < cut: left */
+	uint32_t axis;  /* 0, 1, 2; 3: a cell */
+	uint32_t right; /* inner: index of the right child (left is the next node); cell: number */
 } wh_kdnode;
 
 typedef struct wh_kdtree {

@@ -19,8 +19,7 @@ wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf)
 	if (nv > p->cap_v) {
 		p->cap_v = 0;
 		if (grow(c, &p->pos, nv, sizeof *p->pos) || grow(c, &p->gid, nv, sizeof *p->gid) ||
-		    grow(c, &p->flag, nv, sizeof *p->flag) ||
-		    grow(c, &p->err, nv, sizeof *p->err))
+		    grow(c, &p->flag, nv, sizeof *p->flag) || grow(c, &p->err, nv, sizeof *p->err))
 			return c->err.code;
 		p->cap_v = nv;
 	}

@@ -17,8 +17,8 @@ struct wh_cluster_work {
 	uint32_t *owner; /* per vertex: the micro-cluster that uses it, WH_NONE, or SHARED */
 	uint32_t *local; /* per vertex: its place in the micro-cluster at hand, or WH_NONE */
 	size_t cap_v;
-	uint32_t *tri;   /* faces grouped by micro-cluster */
-	uint32_t *cell;  /* per face */
+	uint32_t *tri;  /* faces grouped by micro-cluster */
+	uint32_t *cell; /* per face */
 	size_t cap_f;
 	uint32_t *start; /* first face of each micro-cluster, and the end */
 	size_t cap_cells;
@@ -151,8 +151,8 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 			m->pos[nv] = p->pos[v];
 			m->err[nv] = p->err[v];
 			m->gid[nv] = v;
-			m->flag[nv] = (uint8_t)((p->flag[v] & WH_CUT) |
-			                        (w->owner[v] == SHARED ? WH_CUT : 0));
+			m->flag[nv] =
+			    (uint8_t)((p->flag[v] & WH_CUT) | (w->owner[v] == SHARED ? WH_CUT : 0));
 			nv++;
 		}
 		m->tri[i] = w->local[v];
@@ -236,7 +236,8 @@ wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_work *w, wh_patch *p, uint32_t p
 	wh_simplify_params inner = *params;
 	inner.histogram = survey->histogram;
 	for (uint32_t i = 0; i < pieces; i++) {
-		const uint32_t k = (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)pieces));
+		const uint32_t k =
+		    (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)pieces));
 		wh_simplify_result one;
 		if (wh_poll(c) != WH_OK || take_out(c, w, p, k) != WH_OK)
 			return c->err.code;

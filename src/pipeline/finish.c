@@ -91,9 +91,10 @@ static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
 		nf += f;
 	}
 	if (nv >= UINT32_MAX || nf >= UINT32_MAX / 3)
-		return wh_fail(c, WH_E_PLAN,
-		               "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
-		               (unsigned long long)nf);
+		return wh_fail(
+		    c, WH_E_PLAN,
+		    "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
+		    (unsigned long long)nf);
 	if (wh_patch_reset(c, p, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
 	p->nv = p->nf = 0;

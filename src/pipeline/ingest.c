@@ -32,8 +32,8 @@ typedef struct visits {
 /* Records of one chunk on their way to several clusters, grouped by cluster. */
 typedef struct parcel {
 	uint8_t *bytes;
-	uint32_t *cluster;  /* of each record */
-	uint32_t *order;    /* records by cluster, stable */
+	uint32_t *cluster;   /* of each record */
+	uint32_t *order;     /* records by cluster, stable */
 	size_t cap, n, size; /* size: bytes of a record */
 } parcel;
 
@@ -355,7 +355,8 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		if (send_vertex(c, g, &b->out, g->home[gid], gid, cut, p) != WH_OK)
 			return c->err.code;
 		for (; v < g->away.n && g->away.item[v].gid == gid; v++)
-			if (send_vertex(c, g, &b->out, g->away.item[v].cluster, gid, cut, p) != WH_OK)
+			if (send_vertex(c, g, &b->out, g->away.item[v].cluster, gid, cut, p) !=
+			    WH_OK)
 				return c->err.code;
 	}
 	parcel_sort(&b->out, g->clusters, b->start);
@@ -495,7 +496,10 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	store->coord_bytes = src->is_double ? 8 : 4;
 	store->vertex_payload = 0;
 	store->local_corners = false;
-	ingest g = {.src = src, .store = store, .progress = progress, .result = result,
+	ingest g = {.src = src,
+	            .store = store,
+	            .progress = progress,
+	            .result = result,
 	            .clusters = params->clusters};
 	wh_code code = benches_make(c, &g, ex->workers);
 	if (code == WH_OK)

@@ -22,10 +22,10 @@ typedef struct wh_ingest_params {
 enum { WH_MAX_CLUSTERS = 65535 };
 
 typedef struct wh_ingest_result {
-	wh_vec3 lo, hi;       /* bounds of all vertices, file coordinates */
-	wh_vec3 origin;       /* what was subtracted from every position */
-	uint64_t faces;       /* stored */
-	uint64_t degenerate;  /* dropped: a vertex repeated */
+	wh_vec3 lo, hi;      /* bounds of all vertices, file coordinates */
+	wh_vec3 origin;      /* what was subtracted from every position */
+	uint64_t faces;      /* stored */
+	uint64_t degenerate; /* dropped: a vertex repeated */
 	uint64_t cut_vertices;
 } wh_ingest_result;
 

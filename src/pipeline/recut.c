@@ -28,13 +28,13 @@ typedef struct uses {
 typedef struct recut_hand {
 	wh_store_scratch scratch;
 	wh_patch patch;
-	uint32_t *home;   /* per vertex: the new cell it lies in */
-	uint32_t *cell;   /* per face: its new cluster */
-	uint32_t *order;  /* faces by new cluster */
-	uint32_t *user;   /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL */
-	uint32_t *seen;   /* per vertex: last new cluster it was sent to, plus one */
+	uint32_t *home;  /* per vertex: the new cell it lies in */
+	uint32_t *cell;  /* per face: its new cluster */
+	uint32_t *order; /* faces by new cluster */
+	uint32_t *user;  /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL */
+	uint32_t *seen;  /* per vertex: last new cluster it was sent to, plus one */
 	size_t cap_home, cap_cell, cap_order, cap_user, cap_seen;
-	uint32_t *start;  /* per new cluster, plus two */
+	uint32_t *start; /* per new cluster, plus two */
 	uses found;
 } recut_hand;
 
@@ -190,7 +190,8 @@ static wh_code find_cut_again(wh_ctx *c, recut *r)
 			end++;
 		if (u->item[i].cluster != u->item[end - 1].cluster ||
 		    u->item[end - 1].cluster == SEVERAL) {
-			if (wh_reserve(c, &r->cut, &r->cut_cap, r->cuts + 1, sizeof *r->cut) != WH_OK)
+			if (wh_reserve(c, &r->cut, &r->cut_cap, r->cuts + 1, sizeof *r->cut) !=
+			    WH_OK)
 				return c->err.code;
 			r->cut[r->cuts++] = u->item[i].gid;
 		}
@@ -265,7 +266,8 @@ static wh_code send_vertex(wh_ctx *c, recut *r, const recut_hand *h, uint32_t v,
 	const wh_patch *p = &h->patch;
 	const bool cut = p->flag[v] & WH_CUT ? is_cut_again(r, p->gid[v]) : h->user[v] == SEVERAL;
 	uint8_t record[64];
-	const uint8_t *end = wh_store_put_vertex(r->to, record, p->gid[v], cut, p->pos[v], p->err[v]);
+	const uint8_t *end =
+	    wh_store_put_vertex(r->to, record, p->gid[v], cut, p->pos[v], p->err[v]);
 	r->writer[k].vertices++;
 	return wh_store_append(c, r->to, k, &r->writer[k], record, (size_t)(end - record));
 }
@@ -279,7 +281,8 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (uint32_t k = 0; k < r->to->clusters; k++)
 		for (uint32_t i = h->start[k]; i < h->start[k + 1]; i++)
 			for (int j = 0; j < 3; j++) {
-				const uint32_t v = h->patch.tri[3 * (size_t)h->order[i] + (size_t)j];
+				const uint32_t v =
+				    h->patch.tri[3 * (size_t)h->order[i] + (size_t)j];
 				if (h->seen[v] == k + 1)
 					continue;
 				h->seen[v] = k + 1;
@@ -299,7 +302,8 @@ static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 	for (uint32_t k = 0; r->writer && k < r->to->clusters; k++)
 		if (wh_store_begin(c, r->to, k, &r->writer[k], buffer) != WH_OK)
 			break;
-	if (c->err.code != WH_OK || wh_exec_ordered(c, ex, n, place_job, faces_commit, r) != WH_OK ||
+	if (c->err.code != WH_OK ||
+	    wh_exec_ordered(c, ex, n, place_job, faces_commit, r) != WH_OK ||
 	    wh_exec_ordered(c, ex, n, place_job, vertices_commit, r) != WH_OK)
 		return c->err.code;
 	for (uint32_t k = 0; k < r->to->clusters; k++)

@@ -13,7 +13,8 @@ static hand *hands_make(wh_ctx *c, int workers)
 {
 	hand *h = wh_calloc(c, (size_t)workers, sizeof *h);
 	for (int i = 0; h && i < workers; i++)
-		h[i].work = wh_cluster_work_new(c); /* a failure is recorded and seen by the caller */
+		h[i].work =
+		    wh_cluster_work_new(c); /* a failure is recorded and seen by the caller */
 	return h;
 }
 
@@ -44,7 +45,8 @@ typedef struct survey_run {
 
 static uint32_t survey_cluster(const survey_run *r, int64_t index)
 {
-	return (uint32_t)((2 * (uint64_t)index + 1) * r->store->clusters / (2 * (uint64_t)r->samples));
+	return (uint32_t)((2 * (uint64_t)index + 1) * r->store->clusters /
+	                  (2 * (uint64_t)r->samples));
 }
 
 static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -96,8 +98,8 @@ static void survey_sum(const survey_run *r, wh_survey *survey)
 wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
                         uint32_t piece_faces, const wh_simplify_params *params, wh_survey *survey)
 {
-	survey_run r = {.store = store, .progress = progress, .params = params,
-	                .piece_faces = piece_faces};
+	survey_run r = {
+	    .store = store, .progress = progress, .params = params, .piece_faces = piece_faces};
 	if (survey_size(c, &r) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "survey", r.samples);

@@ -31,10 +31,10 @@
 /* How a whole store is laid out. */
 typedef struct wh_store {
 	wh_spill *spill;
-	uint32_t generation;    /* 0 for what ingest writes, then one more for every round */
+	uint32_t generation; /* 0 for what ingest writes, then one more for every round */
 	uint32_t clusters;
-	uint32_t id_bytes;      /* 4 while all ids are below 2^31 */
-	uint32_t coord_bytes;   /* 4: positions are floats */
+	uint32_t id_bytes;    /* 4 while all ids are below 2^31 */
+	uint32_t coord_bytes; /* 4: positions are floats */
 	uint32_t vertex_payload;
 	bool local_corners;
 } wh_store;
@@ -43,7 +43,7 @@ typedef struct wh_store {
 typedef struct wh_store_writer {
 	uint8_t *buf;
 	size_t used, cap;
-	uint64_t off;           /* of buf in the file */
+	uint64_t off; /* of buf in the file */
 	uint64_t faces, vertices;
 	void *hash;
 } wh_store_writer;
