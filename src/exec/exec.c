@@ -45,7 +45,7 @@ static void note_failure(outcome *o, int64_t index, wh_code code, const wh_error
 static void run_one(const wh_ctx *parent, outcome *o, wh_job job, void *arg, int64_t index,
                     int worker)
 {
-	if (index > atomic_load(&o->first_failed))
+	if (index >= atomic_load(&o->first_failed)) /* equal: the commit of a job that failed */
 		return;
 	wh_ctx own = wh_ctx_fork(parent);
 	wh_code code = wh_poll(&own);
