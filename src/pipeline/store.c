@@ -204,8 +204,9 @@ static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *nam
 		return c->err.code;
 	if (memcmp(h->magic, MAGIC, sizeof MAGIC) != 0 || h->version != VERSION ||
 	    h->id_bytes != s->id_bytes || h->coord_bytes != s->coord_bytes ||
-	    h->vertex_payload != s->vertex_payload || h->local_corners != s->local_corners ||
-	    h->faces >= UINT32_MAX / 3 || h->vertices >= UINT32_MAX)
+	    h->vertex_payload != s->vertex_payload || h->corner_payload != 0 ||
+	    h->local_corners != s->local_corners || h->zero != 0 || h->faces >= UINT32_MAX / 3 ||
+	    h->vertices >= UINT32_MAX)
 		return damaged(c, s, name);
 	return WH_OK;
 }
@@ -377,6 +378,8 @@ static wh_code decode_faces(wh_ctx *c, const wh_store *s, const uint8_t *faces,
 {
 	const size_t corners = 3 * (size_t)p->nf;
 	*ok = true;
+	if (corners == 0)
+		return WH_OK;
 	if (s->local_corners) {
 		memcpy(p->tri, faces, corners * sizeof *p->tri);
 		for (size_t i = 0; i < corners; i++)
@@ -385,7 +388,7 @@ static wh_code decode_faces(wh_ctx *c, const wh_store *s, const uint8_t *faces,
 	}
 	locator l;
 	if (p->nv == 0) {
-		*ok = corners == 0;
+		*ok = false;
 		return WH_OK;
 	}
 	if (locator_build(c, sc, p, &l) != WH_OK)
@@ -406,7 +409,6 @@ static wh_code drop_unreferenced(wh_ctx *c, wh_store_scratch *sc, wh_patch *p)
 	memset(used, 0, p->nv * sizeof *used);
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
 		used[p->tri[i]] = 1;
-	sc->unreferenced = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
 		sc->unreferenced += !used[v] && !(p->flag[v] & WH_CUT);
 	(void)wh_patch_compact(p, sc->index);
@@ -420,6 +422,9 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 	if (read_whole(c, s, cluster, scratch, &h) != WH_OK ||
 	    wh_patch_reset(c, p, (uint32_t)h.vertices, (uint32_t)h.faces) != WH_OK)
 		return c->err.code;
+	scratch->unreferenced = 0;
+	if (h.faces == 0 && h.vertices == 0)
+		return WH_OK; /* an empty cell: nothing was allocated either */
 	const uint8_t *records = scratch->raw + (size_t)h.faces * 3 * corner_bytes(s);
 	bool ok;
 	if (decode_vertices(c, s, records, p->nv, p) != WH_OK ||
