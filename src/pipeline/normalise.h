@@ -15,11 +15,12 @@
 
 typedef struct wh_input {
 	wh_ply ply;
-	wh_source source;    /* refers to ply or to the temporary file below */
-	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
-	                        -1 when the whole body is used in place. Nameless: see spill.h */
-	uint64_t polygons;   /* faces with more than three corners */
-	uint64_t degenerate; /* faces with fewer than three different corners, dropped (see below) */
+	wh_source source;  /* refers to ply or to the temporary file below */
+	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
+	                      -1 when the whole body is used in place. Nameless: see spill.h */
+	uint64_t polygons; /* faces with more than three corners */
+	uint64_t
+	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
 } wh_input;
 
 /*
