@@ -1,0 +1,53 @@
+#!/bin/bash
+# Installs the Debian packages that whittle needs and that are missing: the one list of them.
+#
+# usage: tools/packages.sh build | test
+#
+# "build" is enough for the command and the library, "test" adds what the tests use. Where
+# everything is installed nothing is called and no network is needed.
+set -euo pipefail
+
+build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev)
+test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
+	clang-format clang-tidy binutils)
+
+is_installed() {
+	[ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+as_root() {
+	if [ "$(id -u)" -eq 0 ]; then
+		"$@"
+	elif command -v sudo >/dev/null; then
+		sudo "$@"
+	else
+		echo "please run as root: $*" >&2
+		return 1
+	fi
+}
+
+install_missing() {
+	local p missing=()
+	for p in "$@"; do
+		is_installed "$p" || missing+=("$p")
+	done
+	[ ${#missing[@]} -eq 0 ] && return
+	echo "installing Debian packages: ${missing[*]}"
+	as_root apt-get update -qq
+	as_root env DEBIAN_FRONTEND=noninteractive \
+		apt-get install -y -qq --no-install-recommends "${missing[@]}"
+}
+
+case ${1:-} in
+build) packages=("${build_packages[@]}") ;;
+test) packages=("${build_packages[@]}" "${test_packages[@]}") ;;
+*)
+	echo "usage: $0 build | test" >&2
+	exit 2
+	;;
+esac
+if command -v dpkg-query >/dev/null; then
+	install_missing "${packages[@]}"
+else
+	echo "no Debian: taking for granted what these packages hold: ${packages[*]}"
+fi
