@@ -70,7 +70,7 @@ const char *wh_phase_name(wh_phase phase)
 wh_reduce_params wh_reduce_defaults(void)
 {
 	return (wh_reduce_params){
-	    .cluster_faces = 256 * 1024, .micro_faces = 16 * 1024, .final_faces = 1000 * 1000};
+	    .cluster_faces = 256ULL * 1024, .micro_faces = 16ULL * 1024, .final_faces = 1000000};
 }
 
 static void phase_begin(run *r)
@@ -93,10 +93,10 @@ static size_t budget(const run *r)
 
 static wh_code too_small(run *r, const char *what, size_t need)
 {
-	const size_t mib = (need + BASE_BYTES) / (1024 * 1024) + 2;
+	const size_t mib = ((need + BASE_BYTES) >> 20) + 2;
 	return wh_fail(r->c, WH_E_PLAN,
 	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
-	               r->memory / (1024 * 1024), mib);
+	               r->memory >> 20, mib);
 }
 
 /* As many workers as fit when each takes `each` bytes. */

@@ -197,6 +197,14 @@ static bool read_number(FILE *f, double *out)
 	return n > 0 && *end == '\0';
 }
 
+/* A number in front of a list as a count; one that cannot be a count runs into the end. */
+static uint64_t list_length(double v)
+{
+	if (!(v >= 1.0))
+		return 0;
+	return v < 0x1p63 ? (uint64_t)v : UINT64_MAX;
+}
+
 /* One item of an element; the first three of `at` are x, y, z when it is a vertex. */
 static bool read_item(FILE *f, const wh_ply *p, const wh_ply_elem *e, double at[3])
 {
@@ -207,8 +215,8 @@ static bool read_item(FILE *f, const wh_ply *p, const wh_ply_elem *e, double at[
 		for (int k = 0; k < 3; k++)
 			if ((const int[]){p->x, p->y, p->z}[k] == (int)i)
 				at[k] = v;
-		double rest = e->props[i].is_list ? v : 0.0, unused;
-		for (; rest >= 1.0; rest--)
+		double unused;
+		for (uint64_t rest = e->props[i].is_list ? list_length(v) : 0; rest > 0; rest--)
 			if (!read_number(f, &unused))
 				return false;
 	}

@@ -320,13 +320,13 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 {
 	sums total[2];
 	wh_distance *const out[2] = {&r->a_to_b, &r->b_to_a};
-	uint64_t *bins = wh_alloc(c, 2 * NBINS, sizeof *bins);
+	uint64_t *bins = wh_alloc(c, (size_t)2 * NBINS, sizeof *bins);
 	if (!bins)
 		return c->err.code;
-	for (int k = 0; k < 2; k++) {
+	for (size_t k = 0; k < 2; k++) {
 		side one = {.from = s + k,
 		            .to = s + 1 - k,
-		            .seed = wh_mix64(seed) + (uint64_t)k,
+		            .seed = wh_mix64(seed) + k,
 		            .samples = samples_of(s + k, samples)};
 		if (measure(c, ex, &one, total + k, bins + k * NBINS) != WH_OK)
 			goto out;

@@ -211,7 +211,7 @@ static wh_code write_header(wh_ctx *c, const writer *w)
 	    (unsigned long long)w->s->nv, real, real, real,
 	    p->normals ? "property float nx\nproperty float ny\nproperty float nz\n" : "",
 	    p->colors ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "",
-	    (unsigned long long)(2 * w->s->ncells), w->s->nv >> 31 ? "uint" : "int");
+	    2ULL * w->s->ncells, w->s->nv >> 31 ? "uint" : "int");
 	return wh_outfile_write(c, w->out, text, (size_t)n);
 }
 

@@ -47,6 +47,13 @@ wh_code wh_fail(wh_ctx *c, wh_code code, const char *fmt, ...)
 /* Like wh_fail for a failed system call: appends the text of errno. WH_E_RUN always. */
 wh_code wh_fail_errno(wh_ctx *c, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
 
+/* The code of the failure that has been recorded, for whoever was told of it by NULL or -1. Never
+ * WH_OK: a failure that nobody recorded must not pass for success. */
+static inline wh_code wh_failed(const wh_ctx *c)
+{
+	return c->err.code != WH_OK ? c->err.code : WH_E_RUN;
+}
+
 /* A context for another thread: same account and cancel flag, no failure recorded. */
 wh_ctx wh_ctx_fork(const wh_ctx *c);
 

@@ -230,6 +230,7 @@ static wh_code read_more(wh_ctx *c, parser *s)
 static wh_code next_line(wh_ctx *c, parser *s, size_t *end)
 {
 	for (;;) {
+		/* NOLINTNEXTLINE(clang-analyzer-core.NonNullParamChecker): check_magic read text */
 		const char *eol = memchr(s->text + s->at, s->p->eol, s->n - s->at);
 		*end = eol ? (size_t)(eol - s->text) : s->n;
 		if (eol || s->whole)
@@ -398,7 +399,7 @@ wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path)
 	parser s = {.p = p};
 	p->x = p->y = p->z = p->corners = p->strip_list = -1;
 	p->path = wh_strdup(c, path);
-	wh_code code = p->path ? open_file(c, p) : c->err.code;
+	wh_code code = p->path ? open_file(c, p) : wh_failed(c);
 	if (code == WH_OK)
 		code = parse_text(c, &s);
 	if (code == WH_OK) {

@@ -18,7 +18,7 @@ enum {
 	TRIANGLE = 13 /* bytes of a binary triangle: count and three indices */
 };
 
-_Static_assert(BATCH * 3 * sizeof(double) <= 65536, "a batch fits the room of an outfile");
+_Static_assert(3 * sizeof(double) * BATCH <= 65536, "a batch fits the room of an outfile");
 _Static_assert(TEXT_BATCH *TEXT_RECORD <= 65536, "a batch fits the room of an outfile");
 
 wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64_t nv, uint64_t nf)

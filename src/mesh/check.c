@@ -332,8 +332,8 @@ static wh_code look_at(checker *k, uint32_t v)
 		const uint32_t *t = k->m->tri + 3 * (size_t)k->star[from + i];
 		const uint32_t at = corner_of(t, v);
 		const uint32_t next = t[(at + 1) % 3], prev = t[(at + 2) % 3];
-		k->spokes[2 * i] = (spoke){spoke_key(next, prev), i, 1};
-		k->spokes[2 * i + 1] = (spoke){spoke_key(prev, next), i, 0};
+		k->spokes[2 * (size_t)i] = (spoke){spoke_key(next, prev), i, 1};
+		k->spokes[2 * (size_t)i + 1] = (spoke){spoke_key(prev, next), i, 0};
 	}
 	sort_spokes(k->spokes, 2 * (size_t)k->degree);
 	sets_init(k->fan, degree);

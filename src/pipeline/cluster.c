@@ -76,7 +76,7 @@ static wh_code cut_tree(wh_ctx *c, const wh_patch *p, uint32_t cells, wh_kdtree 
 	const uint32_t n = (p->nv + stride - 1) / stride;
 	wh_vec3 *sample = wh_alloc(c, n, sizeof *sample);
 	if (!sample)
-		return c->err.code;
+		return wh_failed(c);
 	for (uint32_t i = 0; i < n; i++)
 		sample[i] = p->pos[(size_t)i * stride];
 	const wh_code code = wh_kdtree_build(c, tree, sample, n, cells, SKEW);

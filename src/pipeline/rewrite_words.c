@@ -305,13 +305,10 @@ wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *rw)
 {
 	const wh_ply *p = rw->ply;
 	reader r = {.rw = rw};
-	wh_code code;
 	wh_rewrite_restart(rw);
 	r.text = wh_alloc(c, WINDOW + 1, 1);
 	r.xyz = wh_alloc(c, BATCH, 3 * sizeof *r.xyz);
-	code = c->err.code;
-	if (r.text && r.xyz)
-		code = run_pass(c, &r, false, p->vertex);
+	wh_code code = r.text && r.xyz ? run_pass(c, &r, false, p->vertex) : wh_failed(c);
 	if (code == WH_OK)
 		code = wh_rewrite_start_faces(c, rw);
 	if (code == WH_OK)

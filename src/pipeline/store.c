@@ -41,7 +41,7 @@ wh_code wh_store_begin(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_
 	const int fd = w->buf && w->hash ? wh_spill_create(c, s->spill, name) : -1;
 	if (fd < 0) {
 		wh_store_drop(c, w);
-		return c->err.code;
+		return wh_failed(c);
 	}
 	(void)close(fd);
 	(void)XXH3_64bits_reset(w->hash);
@@ -218,7 +218,7 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 	file_name(s, cluster, false, name);
 	const int fd = wh_spill_read(c, s->spill, name);
 	if (fd < 0)
-		return c->err.code;
+		return wh_failed(c);
 	wh_code code = read_header(c, s, fd, name, h);
 	if (code == WH_OK) {
 		const size_t n = (size_t)h->faces * 3 * corner_bytes(s) +
@@ -332,7 +332,7 @@ static wh_code locator_build(wh_ctx *c, wh_store_scratch *sc, const wh_patch *p,
 		l->shift++;
 	const size_t slots = (size_t)((l->last - l->first) >> l->shift) + 2;
 	if (wh_reserve(c, &sc->index, &sc->index_cap, slots, sizeof *sc->index) != WH_OK)
-		return c->err.code;
+		return wh_failed(c);
 	size_t next = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		const size_t k = (size_t)((p->gid[v] - l->first) >> l->shift);
