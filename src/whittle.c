@@ -400,6 +400,7 @@ static wh_code final_pass(run *r)
 	wh_simplify_params p = engine_params(r);
 	p.target_faces = (uint32_t)t->target_faces;
 	p.target_vertices = (uint32_t)t->target_vertices;
+	p.insist = true;
 	phase_begin(r);
 	wh_progress_phase(&r->progress, "final pass", r->patch.nf);
 	wh_simplify_result done = {0};

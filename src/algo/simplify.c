@@ -32,6 +32,7 @@
 #include "algo/simplify.h"
 
 #include "algo/queue.h"
+#include "geom/tri.h"
 
 #include <math.h>
 #include <string.h>
@@ -650,13 +651,18 @@ static wh_code link_condition(engine *e, const plan *k, bool *ok)
 	return WH_OK;
 }
 
+static bool is_shared(const plan *k, uint32_t f)
+{
+	return f == k->shared[0] || (k->nshared == 2 && f == k->shared[1]);
+}
+
 /* True when no face around `moving` but the shared ones turns too much at x. */
 static bool faces_stay_sound(const engine *e, const plan *k, uint32_t moving)
 {
 	const wh_simplify_work *w = e->w;
 	for (uint32_t i = 0; i < w->count[moving]; i++) {
 		const uint32_t f = w->pool[w->first[moving] + i];
-		if (f == k->shared[0] || (k->nshared == 2 && f == k->shared[1]))
+		if (is_shared(k, f))
 			continue;
 		uint32_t a, b;
 		face_others(e->p, f, moving, &a, &b);
@@ -669,49 +675,70 @@ static bool faces_stay_sound(const engine *e, const plan *k, uint32_t moving)
 	return true;
 }
 
-/* Distance from x to the planes of the faces around v. */
-static double step_distance(const engine *e, uint32_t v, wh_vec3 x)
+/* How far one collapse moves the surface: the largest distance, over some points of one star,
+ * from the other star. Squared. Looking stops once the limit is passed. */
+typedef struct stretch {
+	double far2, limit2;
+} stretch;
+
+/* Raises the stretch to the distance of q from the faces around u and v, as they are now, or
+ * (`after`) as they will be with both at x. A face that is near enough to change nothing ends the
+ * search. */
+static void stretch_to(const engine *e, const plan *k, wh_vec3 q, bool after, stretch *s)
 {
 	const wh_simplify_work *w = e->w;
-	const wh_vec3 d = wh_sub(x, e->p->pos[v]);
-	double most = 0;
-	for (uint32_t i = 0; i < w->count[v]; i++) {
-		const wh_vec3 n = w->normal[w->pool[w->first[v] + i]];
-		const double len2 = wh_norm2(n);
-		const double h = wh_dot(n, d);
-		if (len2 > 0)
-			most = fmax(most, h * h / len2);
-	}
-	return sqrt(most);
+	const uint32_t ends[2] = {k->u, k->v};
+	double least = INFINITY;
+	if (!(s->far2 <= s->limit2))
+		return;
+	for (int j = 0; j < 2; j++)
+		for (uint32_t i = 0; i < w->count[ends[j]]; i++) {
+			const uint32_t f = w->pool[w->first[ends[j]] + i];
+			if (after && is_shared(k, f))
+				continue;
+			uint32_t a, b;
+			face_others(e->p, f, ends[j], &a, &b);
+			const wh_vec3 tip = after ? k->x : e->p->pos[ends[j]];
+			least = fmin(least, wh_tri_dist2(q, tip, e->p->pos[a], e->p->pos[b]));
+			if (least <= s->far2)
+				return;
+		}
+	s->far2 = least;
 }
 
-/* Squared distance from x to the boundary lines through v, whose ring is r. */
-static double boundary_step2(const engine *e, uint32_t v, const ring *r, wh_vec3 x)
+/* The middles of the edges from `end` to its ring, before the collapse and after it. */
+static void stretch_to_spokes(const engine *e, const plan *k, uint32_t end, const ring *r,
+                              stretch *s)
 {
-	const wh_vec3 d = wh_sub(x, e->p->pos[v]);
-	double most = 0;
 	for (uint32_t i = 0; i < r->n; i++) {
-		if (!on_boundary(&r->item[i]))
+		const uint32_t id = r->item[i].id;
+		if (id == k->u || id == k->v)
 			continue;
-		const wh_vec3 g = wh_sub(e->p->pos[r->item[i].id], e->p->pos[v]);
-		const double len2 = wh_norm2(g);
-		if (len2 > 0)
-			most = fmax(most, wh_norm2(wh_cross(g, d)) / len2);
+		const wh_vec3 q = e->p->pos[id];
+		stretch_to(e, k, wh_scale(wh_add(q, k->x), 0.5), false, s);
+		stretch_to(e, k, wh_scale(wh_add(q, e->p->pos[end]), 0.5), true, s);
 	}
-	return most;
 }
 
-/* Upper bound of the distance between the original surface and the one after the collapse, near
- * the new vertex: the worse of the two ends' bounds plus the distance of this step. */
+/* Estimate of the distance between the original surface and the one after the collapse, near the
+ * new vertex: the worse of the two ends' estimates plus how far this step moves the surface,
+ * probed at the vertices and the middles of the edges of both stars. Measured on four scans with
+ * limits of 0.02 to 1 % of the diagonal, the real maximum is 0.5 to 1.9 times the limit, mostly
+ * 0.8 to 1.2. */
 static double accumulated(const engine *e, const plan *k)
 {
-	double step = step_distance(e, k->u, k->x);
+	const double base = fmax((double)e->p->err[k->u], (double)e->p->err[k->v]);
+	const double left = e->params->max_err - base;
+	stretch s = {.far2 = 0, .limit2 = left > 0 ? left * left : 0};
+	stretch_to(e, k, e->p->pos[k->u], true, &s);
+	if (!(e->p->flag[k->v] & WH_LOCKED)) {
+		stretch_to(e, k, e->p->pos[k->v], true, &s);
+		stretch_to(e, k, k->x, false, &s);
+	}
+	stretch_to_spokes(e, k, k->u, &e->w->ring_u, &s);
 	if (!(e->p->flag[k->v] & WH_LOCKED))
-		step = fmax(step, step_distance(e, k->v, k->x));
-	double edge2 = boundary_step2(e, k->u, &e->w->ring_u, k->x);
-	if (!(e->p->flag[k->v] & WH_LOCKED))
-		edge2 = fmax(edge2, boundary_step2(e, k->v, &e->w->ring_v, k->x));
-	return fmax((double)e->p->err[k->u], (double)e->p->err[k->v]) + fmax(step, sqrt(edge2));
+		stretch_to_spokes(e, k, k->v, &e->w->ring_v, &s);
+	return base + sqrt(s.far2);
 }
 
 /* ---- performing --------------------------------------------------------------------------- */
@@ -763,7 +790,7 @@ static wh_code lists_join(engine *e, const plan *k)
 	for (int j = 0; j < 2; j++)
 		for (uint32_t i = 0; i < w->count[ends[j]]; i++) {
 			const uint32_t f = w->pool[w->first[ends[j]] + i];
-			if (f != k->shared[0] && !(k->nshared == 2 && f == k->shared[1]))
+			if (!is_shared(k, f))
 				list[n++] = f;
 		}
 	w->first[k->v] = (uint32_t)w->pool_used;
@@ -888,7 +915,7 @@ static wh_code try_candidate(engine *e, plan *k, uint32_t bucket, bool allow_ove
 		return e->c->err.code;
 	if (!ok)
 		return WH_OK;
-	const double err = accumulated(e, k);
+	const double err = isfinite(e->params->max_err) ? accumulated(e, k) : 0;
 	if (!(err <= e->params->max_err))
 		return WH_OK;
 	if (overshoots(e, k) && !allow_overshoot) {
@@ -1031,7 +1058,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 		before = result->collapses;
 		if (push_all(&e) != WH_OK || drain(&e) != WH_OK)
 			return c->err.code;
-	} while (!reached(&e) && result->collapses > before && !isfinite(params->max_cost));
+	} while (params->insist && !reached(&e) && result->collapses > before);
 	result->exhausted = !reached(&e);
 	if (e.highest_weight > 0)
 		result->cost_distance = sqrt(result->highest_cost / e.highest_weight);
