@@ -13,7 +13,7 @@ static volatile sig_atomic_t stop_signal;
 
 static void on_stop(int sig)
 {
-	stop_signal = sig;
+	__atomic_store_n(&stop_signal, sig, __ATOMIC_RELAXED); /* other threads poll it */
 }
 
 /* A signal ignored by whoever started us (nohup, a background job) stays ignored. */

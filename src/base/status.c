@@ -43,7 +43,7 @@ wh_ctx wh_ctx_fork(const wh_ctx *c)
 
 wh_code wh_poll(wh_ctx *c)
 {
-	if (c->cancel && *c->cancel)
+	if (c->cancel && __atomic_load_n(c->cancel, __ATOMIC_RELAXED))
 		return wh_fail(c, WH_E_INTERRUPT, "interrupted");
 	return WH_OK;
 }

@@ -36,7 +36,7 @@ struct wh_mem;
 /* What every call needs to know of its surroundings. Copy it (wh_ctx_fork) for another thread. */
 typedef struct wh_ctx {
 	struct wh_mem *mem;         /* shared memory account */
-	const volatile int *cancel; /* nonzero: stop soon; may be NULL */
+	const volatile int *cancel; /* nonzero: stop soon; read atomically; may be NULL */
 	wh_error err;               /* first failure of this context */
 } wh_ctx;
 
