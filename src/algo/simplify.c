@@ -130,8 +130,9 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 size_t wh_simplify_bytes(uint64_t nv, uint64_t nf)
 {
 	const size_t vertex = 3 * sizeof(uint32_t) + sizeof(vertex_sum) + sizeof(uint64_t);
-	/* a normal, list entries, and two to three queue entries for each face */
-	const size_t face = sizeof(wh_vec3) + 9 * sizeof(uint32_t) / 2 + 3 * sizeof(wh_candidate);
+	/* a normal, list entries (twice while they are compacted), and two to three queue entries
+	 * for each face */
+	const size_t face = sizeof(wh_vec3) + 9 * sizeof(uint32_t) + 3 * sizeof(wh_candidate);
 	return (size_t)nv * vertex + (size_t)nf * face + sizeof(wh_simplify_work);
 }
 
@@ -289,9 +290,14 @@ static wh_code gather(engine *e, uint32_t v, ring *r)
 	return WH_OK;
 }
 
+static uint32_t faces_on(const neighbour *b)
+{
+	return b->outgoing + b->incoming;
+}
+
 static bool on_boundary(const neighbour *b)
 {
-	return b->outgoing + b->incoming == 1;
+	return faces_on(b) == 1;
 }
 
 static bool ring_has_boundary(const ring *r)
@@ -399,7 +405,7 @@ static wh_code classify(engine *e, uint32_t v)
 	*flag &= (uint8_t)~WH_BORDER;
 	if (ring_has_boundary(r))
 		*flag |= WH_BORDER;
-	if (!manifold || !one_fan(e, v, r)) {
+	if (!manifold || (r->n > 0 && !one_fan(e, v, r))) {
 		if (!(*flag & WH_FIXED))
 			e->result->fixed++;
 		*flag |= WH_FIXED;
@@ -547,7 +553,7 @@ static bool orient(const engine *e, plan *k)
 static wh_code push_edge(engine *e, uint32_t v, const neighbour *b)
 {
 	plan k = {.u = b->id, .v = v, .shared = {b->face[0], b->face[1]}};
-	k.nshared = b->outgoing + b->incoming;
+	k.nshared = faces_on(b);
 	if (k.nshared > 2 || !orient(e, &k))
 		return WH_OK;
 	evaluate(e, &k);
@@ -638,15 +644,21 @@ static wh_code link_condition(engine *e, const plan *k, bool *ok)
 	if (k->nshared == 2 && u_boundary && (v_locked || ring_has_boundary(&w->ring_v)))
 		return WH_OK;
 	for (uint32_t i = 0; i < k->nshared; i++) {
-		/* a face on two boundary edges would leave an edge without faces */
+		/* A face on two boundary edges would leave an edge without faces; one on a boundary
+		 * edge and a non-manifold edge would leave that edge with a face less. */
 		const neighbour *a = ring_find(&w->ring_u, apex[i]);
 		const neighbour *b = ring_find(&w->ring_v, apex[i]);
-		if (!a || !b || (on_boundary(a) && on_boundary(b)))
+		if (!a || !b || (on_boundary(a) && faces_on(b) != 2) ||
+		    (on_boundary(b) && faces_on(a) != 2))
 			return WH_OK;
 	}
-	if (k->nshared == 2 && has_face_on(e, k->u, apex[0], apex[1]) &&
-	    has_face_on(e, k->v, apex[0], apex[1]))
-		return WH_OK; /* a tetrahedron would become two faces on each other */
+	if (k->nshared == 2 && has_face_on(e, k->u, apex[0], apex[1])) {
+		const uint8_t *flag = e->p->flag;
+		if (has_face_on(e, k->v, apex[0], apex[1]))
+			return WH_OK; /* a tetrahedron would become two faces on each other */
+		if (v_locked && (flag[apex[0]] & WH_LOCKED) && (flag[apex[1]] & WH_LOCKED))
+			return WH_OK; /* so would two caps on the same three locked vertices */
+	}
 	*ok = true;
 	return WH_OK;
 }
@@ -1050,6 +1062,10 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	            .vertices = p->nv};
 	if (reached(&e))
 		return WH_OK;
+	if (p->nf == 0) {
+		result->exhausted = true;
+		return WH_OK;
+	}
 	if (set_up(&e) != WH_OK)
 		return c->err.code;
 	/* A candidate turned down once may be legal later: start over while that helps. */
