@@ -32,6 +32,7 @@
 #include "algo/simplify.h"
 
 #include "algo/queue.h"
+#include "base/real.h"
 #include "geom/tri.h"
 
 #include <math.h>
@@ -508,7 +509,7 @@ static wh_vec3 best_place(const engine *e, const plan *k, const vertex_sum *h, w
 static wh_vec3 round_position(const engine *e, wh_vec3 x)
 {
 	if (e->params->float_positions)
-		return wh_v3((double)(float)x.x, (double)(float)x.y, (double)(float)x.z);
+		return wh_v3(wh_round_float(x.x), wh_round_float(x.y), wh_round_float(x.z));
 	return x;
 }
 

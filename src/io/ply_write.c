@@ -4,6 +4,7 @@
  * equal files.
  */
 #include "base/bytes.h"
+#include "base/real.h"
 #include "io/outfile.h"
 #include "io/ply.h"
 
@@ -82,7 +83,7 @@ static size_t put_vertices_text(char *to, wh_ply_style style, const double *xyz,
 {
 	char *const start = to;
 	for (size_t i = 0; i < 3 * n; i++) {
-		const double v = style.is_double ? xyz[i] : (double)(float)xyz[i];
+		const double v = style.is_double ? xyz[i] : wh_round_float(xyz[i]);
 		to += snprintf(to, 32, "%.*g", style.is_double ? 17 : 9, v);
 		*to++ = i % 3 == 2 ? '\n' : ' ';
 	}
