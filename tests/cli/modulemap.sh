@@ -15,7 +15,7 @@
 #   whittle   all of these
 #   tools     all of these
 #
-# Within algo, one algorithm does not include another (synth_* is one; queue is simplify's).
+# Within algo, one algorithm does not include another (synth_* is one; simplify's parts are named below).
 # OpenMP lives in exec.c, hwloc in topo.c. The library never prints, never ends the process and
 # keeps no mutable globals: asked of its symbols, so macros and compilers cannot hide it.
 set -euo pipefail
@@ -62,7 +62,7 @@ family() {
 	local name=${1##*/}
 	name=${name%%.*}
 	case $name in
-	queue) echo simplify ;;
+	queue | star | collapse_*) echo simplify ;;
 	*) echo "${name%%_*}" ;;
 	esac
 }
