@@ -22,7 +22,7 @@
 
 /* A round leaves this many times the target: what it leaves undone, the final pass does in the
  * right order; what it overdoes, nobody can undo. */
-static const double ROUND_MARGIN = 1.5;
+static const double ROUND_MARGIN = 1.25;
 /* A round takes away no more than this in one go: its survey would see too few survivors. */
 static const double ROUND_KEEP_LEAST = 0.02;
 /* Micro-clusters, smaller still, stop earlier. */
@@ -35,7 +35,7 @@ static const double ROUND_NO_PROGRESS = 0.9;
 static const double RECUT_SKEW = 0.4;
 
 enum {
-	SURVEY_FACES = 32 * 1024,      /* a piece of a survey */
+	SURVEY_FACES = 16 * 1024,      /* a piece of a survey */
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
 	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
 	BUFFER_MOST = 256 * 1024

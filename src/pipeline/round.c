@@ -30,7 +30,7 @@ static void hands_free(wh_ctx *c, hand *h, int workers)
 
 /* ---- survey ------------------------------------------------------------------------------- */
 
-enum { SURVEY_CLUSTERS = 16, SURVEY_LEAST = 4, SURVEY_SHARE = 16 };
+enum { SURVEY_CLUSTERS = 16, SURVEY_LEAST = 4, SURVEY_SHARE = 32 };
 
 typedef struct survey_run {
 	const wh_store *store;

@@ -17,7 +17,7 @@ typedef struct wh_round_result {
 } wh_round_result;
 
 /*
- * Fits a survey to a share of all pieces of the store (fixed places, at most a sixteenth and no
+ * Fits a survey to a share of all pieces of the store (fixed places, at most one in 32 and no
  * fewer than four): the histogram of what collapses cost and the number of vertices it is out of.
  */
 wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
