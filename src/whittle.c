@@ -37,6 +37,7 @@ static const double RECUT_SKEW = 0.4;
 enum {
 	SURVEY_FACES = 16 * 1024,      /* a piece of a survey */
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
+	MOST_LOWERINGS = 12,           /* of a round's cost limit, by a factor of 8 each */
 	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
 	BUFFER_MOST = 256 * 1024
 };
@@ -304,13 +305,14 @@ static void note_work(run *r, const wh_simplify_result *w)
 }
 
 /* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
- * is lowered, and the round done again. */
+ * is lowered, and the round done again. Where that does not help either, as too many collapses
+ * cost nothing at all, the mesh is left as it was. */
 static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double share)
 {
 	wh_store next = {.spill = &r->spill};
 	wh_round_result done;
 	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
-	for (;;) {
+	for (int lowered = 0;; lowered++) {
 		next.generation = r->generations++;
 		phase_begin(r);
 		const wh_code code =
@@ -320,6 +322,8 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 		if (done.faces > least || !isfinite(p->all.max_cost))
 			break;
 		wh_round_remove(&next);
+		if (lowered == MOST_LOWERINGS)
+			return WH_OK;
 		p->all.max_cost /= 8;
 		p->micro_cost /= 8;
 	}
