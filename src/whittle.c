@@ -219,6 +219,24 @@ static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
 	return n < 1 ? 1 : n > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)n;
 }
 
+/* The most that a stage after ingest is likely to need, from counts alone: for the words of a
+ * refusal, so that they name a size that does for the whole run. */
+static size_t foreseen(const run *r)
+{
+	const double all = (double)r->input.source.nf, each = (double)r->params->cluster_faces;
+	const double cluster = each > 0 && 1.3 * each < all ? 1.3 * each : all;
+	const double share = r->report->target_faces ? (double)r->report->target_faces / all : 1;
+	const double keep = larger_of(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
+	const double most = larger_of((double)r->params->final_faces, 2 * share * all);
+	const double last = keep > ROUND_KEEP_MOST || cluster >= all ? all : keep * all;
+	const uint64_t cf = (uint64_t)cluster, cv = cf / 5 * 3;
+	const uint64_t lf = (uint64_t)(last < most ? last : most), lv = lf / 5 * 3;
+	const size_t load = (size_t)cf * 12 + (size_t)cv * 40;
+	const size_t in_rounds = load + wh_cluster_bytes(cv, cf);
+	const size_t at_last = load + wh_finish_bytes(lv, lf);
+	return in_rounds > at_last ? in_rounds : at_last;
+}
+
 static wh_code ingest_once(run *r)
 {
 	const wh_source *src = &r->input.source;
@@ -226,7 +244,7 @@ static wh_code ingest_once(run *r)
 	                      .buffer = BUFFER_LEAST};
 	const size_t least = wh_ingest_bytes(src, &r->exec, &p);
 	if (least > budget(r))
-		return too_small(r, "reading the input", least);
+		return too_small(r, "reading the input", least > foreseen(r) ? least : foreseen(r));
 	const size_t spare = (budget(r) - least) / 2 / p.clusters;
 	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
