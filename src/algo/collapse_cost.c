@@ -79,30 +79,6 @@ wh_code wh_sum_renew_any(wh_engine *e, uint32_t v)
 
 /* ---- evaluation --------------------------------------------------------------------------- */
 
-/* Inverse of a symmetric 3 x 3 matrix, by cofactors: one division. Its condition is bounded by the
- * shift on the diagonal, so nothing is lost in doubles. */
-typedef struct inverse {
-	double xx, xy, xz, yy, yz, zz;
-} inverse;
-
-static inverse invert(const wh_vertex_sum *h, double shift)
-{
-	const double a = h->xx + shift, d = h->yy + shift, f = h->zz + shift;
-	const double b = h->xy, c = h->xz, e = h->yz;
-	const double xx = d * f - e * e, xy = c * e - b * f, xz = b * e - c * d;
-	const double det = a * xx + b * xy + c * xz;
-	const double r = 1.0 / det;
-	return (inverse){
-	    xx * r, xy * r, xz * r, (a * f - c * c) * r, (b * c - a * e) * r, (a * d - b * b) * r};
-}
-
-static wh_vec3 inverse_times(const inverse *m, wh_vec3 v)
-{
-	return wh_v3(m->xx * v.x + m->xy * v.y + m->xz * v.z,
-	             m->xy * v.x + m->yy * v.y + m->yz * v.z,
-	             m->xz * v.x + m->yz * v.y + m->zz * v.z);
-}
-
 static wh_vec3 sum_times(const wh_vertex_sum *s, wh_vec3 d)
 {
 	return wh_v3(s->xx * d.x + s->xy * d.y + s->xz * d.z,
@@ -110,60 +86,134 @@ static wh_vec3 sum_times(const wh_vertex_sum *s, wh_vec3 d)
 	             s->xz * d.x + s->yz * d.y + s->zz * d.z);
 }
 
-static double sum_form(const wh_vertex_sum *s, wh_vec3 d)
-{
-	return wh_dot(d, sum_times(s, d));
-}
-
 static double sum_trace(const wh_vertex_sum *s)
 {
 	return s->xx + s->yy + s->zz;
 }
 
-/* A(u) + A(v) less what both count: the shared faces and, on the boundary, the edge itself. */
-static wh_vertex_sum sum_joined(const wh_engine *e, const wh_collapse *k, wh_vec3 edge)
+/* Collapses with both ends free, all of edges at one vertex: evaluated side by side, so that the
+ * compiler makes vectors of them. Every lane does the same operations in the same order whatever
+ * the vector length, so the bits are the same on every instruction set. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(WH_SANITIZED)
+#define VECTOR_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define VECTOR_CLONES
+#endif
+
+/* With y the new place relative to the hub, e the edge from the hub to the other end, A and N the
+ * sums of the hub, B and M those of the other end, and S, T the sums over the shared faces:
+ *
+ *     H = A + B - S     cost(y) = y'Hy - 2 y'Be + e'Be     volume kept: (N + M - T) y = M e
+ *
+ * H is inverted by cofactors after a shift of its diagonal that bounds its condition. */
+VECTOR_CLONES static void evaluate_lanes(wh_lanes *restrict l, const wh_vertex_sum *restrict hub)
 {
-	const wh_vertex_sum *a = &e->w->sum[k->u], *b = &e->w->sum[k->v];
-	wh_vertex_sum h = {a->xx + b->xx, a->xy + b->xy, a->xz + b->xz,     a->yy + b->yy,
-	                   a->yz + b->yz, a->zz + b->zz, wh_add(a->n, b->n)};
-	for (uint32_t i = 0; i < k->nshared; i++) {
-		const wh_vec3 n = e->w->normal[k->shared[i]];
-		sum_outer(&h, n, -1.0);
-		h.n = wh_sub(h.n, n);
+	const wh_vertex_sum a = *hub;
+	for (int i = 0; i < WH_LANES; i++) {
+		const double ex = l->ex[i], ey = l->ey[i], ez = l->ez[i];
+		const double len2 = ex * ex + ey * ey + ez * ez;
+		/* the edge itself, which both ends count when it is on the boundary */
+		const double rim = l->rim[i] * BOUNDARY_WEIGHT * len2;
+		const double p = l->px[i], q = l->py[i], r = l->pz[i];
+		const double u = l->qx[i], v = l->qy[i], w = l->qz[i];
+		const double hxx = a.xx + l->xx[i] - p * p - u * u - rim * (len2 - ex * ex);
+		const double hyy = a.yy + l->yy[i] - q * q - v * v - rim * (len2 - ey * ey);
+		const double hzz = a.zz + l->zz[i] - r * r - w * w - rim * (len2 - ez * ez);
+		const double hxy = a.xy + l->xy[i] - p * q - u * v + rim * ex * ey;
+		const double hxz = a.xz + l->xz[i] - p * r - u * w + rim * ex * ez;
+		const double hyz = a.yz + l->yz[i] - q * r - v * w + rim * ey * ez;
+		const double nx = a.n.x + l->nx[i] - p - u;
+		const double ny = a.n.y + l->ny[i] - q - v;
+		const double nz = a.n.z + l->nz[i] - r - w;
+		const double trace = hxx + hyy + hzz;
+		const double pull = MIDPOINT_PULL * trace;
+		/* Be, and its form */
+		const double bx = l->xx[i] * ex + l->xy[i] * ey + l->xz[i] * ez;
+		const double by = l->xy[i] * ex + l->yy[i] * ey + l->yz[i] * ez;
+		const double bz = l->xz[i] * ex + l->yz[i] * ey + l->zz[i] * ez;
+		const double ebe = ex * bx + ey * by + ez * bz;
+		/* cofactors of the shifted H */
+		const double sx = hxx + pull, sy = hyy + pull, sz = hzz + pull;
+		const double cxx = sy * sz - hyz * hyz, cxy = hxz * hyz - hxy * sz;
+		const double cxz = hxy * hyz - hxz * sy, cyy = sx * sz - hxz * hxz;
+		const double cyz = hxy * hxz - sx * hyz, czz = sx * sy - hxy * hxy;
+		const double det = sx * cxx + hxy * cxy + hxz * cxz;
+		const double gx = bx + 0.5 * pull * ex, gy = by + 0.5 * pull * ey;
+		const double gz = bz + 0.5 * pull * ez;
+		const double inv = 1.0 / det;
+		double yx = (cxx * gx + cxy * gy + cxz * gz) * inv;
+		double yy = (cxy * gx + cyy * gy + cyz * gz) * inv;
+		double yz = (cxz * gx + cyz * gy + czz * gz) * inv;
+		/* Lindstrom & Turk's first constraint: the volume under the surface stays. */
+		const double mx = cxx * nx + cxy * ny + cxz * nz;
+		const double my = cxy * nx + cyy * ny + cyz * nz;
+		const double mz = cxz * nx + cyz * ny + czz * nz;
+		const double nm = nx * mx + ny * my + nz * mz;
+		const double gap =
+		    l->nx[i] * ex + l->ny[i] * ey + l->nz[i] * ez - (nx * yx + ny * yy + nz * yz);
+		const double step = gap / (nm > 0 ? nm : 1.0) * (nm > 0 ? 1.0 : 0.0);
+		yx += mx * step;
+		yy += my * step;
+		yz += mz * step;
+		/* A minimum far away is an artefact of a nearly singular sum; so is no minimum. */
+		const double fx = yx - 0.5 * ex, fy = yy - 0.5 * ey, fz = yz - 0.5 * ez;
+		const bool near = fx * fx + fy * fy + fz * fz <= 4.0 * len2;
+		yx = near ? yx : 0.5 * ex;
+		yy = near ? yy : 0.5 * ey;
+		yz = near ? yz : 0.5 * ez;
+		const double form = yx * (hxx * yx + 2.0 * (hxy * yy + hxz * yz)) +
+		                    yy * (hyy * yy + 2.0 * hyz * yz) + yz * hzz * yz;
+		const double cost = form - 2.0 * (yx * bx + yy * by + yz * bz) + ebe;
+		l->to_x[i] = yx;
+		l->to_y[i] = yy;
+		l->to_z[i] = yz;
+		l->weight[i] = trace;
+		l->cost[i] = (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2;
 	}
-	if (k->nshared == 1) {
-		const double len2 = wh_norm2(edge);
-		const double w = BOUNDARY_WEIGHT * len2;
-		h.xx -= w * len2;
-		h.yy -= w * len2;
-		h.zz -= w * len2;
-		sum_outer(&h, edge, w);
-	}
-	return h;
 }
 
-/* Where the vertex made of a free edge goes, relative to u. */
-static wh_vec3 best_place(const wh_engine *e, const wh_collapse *k, const wh_vertex_sum *h,
-                          wh_vec3 edge)
+/* Clang 14 gives the chosen clone a name of its own, which other files cannot call. */
+void wh_lanes_evaluate(wh_lanes *l, const wh_vertex_sum *hub)
 {
-	const wh_vertex_sum *b = &e->w->sum[k->v];
-	const double pull = MIDPOINT_PULL * sum_trace(h);
-	if (!(pull > 0))
-		return wh_scale(edge, 0.5);
-	const inverse inv = invert(h, pull);
-	const wh_vec3 g = wh_add(sum_times(b, edge), wh_scale(edge, 0.5 * pull));
-	wh_vec3 y = inverse_times(&inv, g);
-	/* Lindstrom & Turk's first constraint: the volume under the surface stays. */
-	const wh_vec3 m = inverse_times(&inv, h->n);
-	const double nm = wh_dot(h->n, m);
-	if (nm > 0) {
-		const double gap = wh_dot(b->n, edge) - wh_dot(h->n, y);
-		y = wh_add(y, wh_scale(m, gap / nm));
-	}
-	/* A minimum far away is an artefact of a nearly singular sum. */
-	if (!(wh_norm2(wh_sub(y, wh_scale(edge, 0.5))) <= 4.0 * wh_norm2(edge)))
-		return wh_scale(edge, 0.5);
-	return y;
+	evaluate_lanes(l, hub);
+}
+
+void wh_lanes_set(const wh_engine *e, wh_lanes *l, int lane, const wh_collapse *k)
+{
+	const wh_vertex_sum *s = &e->w->sum[k->u];
+	const wh_vec3 edge = wh_sub(e->p->pos[k->u], e->p->pos[k->v]);
+	const wh_vec3 p = e->w->normal[k->shared[0]];
+	const wh_vec3 q = k->nshared == 2 ? e->w->normal[k->shared[1]] : wh_v3(0, 0, 0);
+	l->ex[lane] = edge.x;
+	l->ey[lane] = edge.y;
+	l->ez[lane] = edge.z;
+	l->xx[lane] = s->xx;
+	l->xy[lane] = s->xy;
+	l->xz[lane] = s->xz;
+	l->yy[lane] = s->yy;
+	l->yz[lane] = s->yz;
+	l->zz[lane] = s->zz;
+	l->nx[lane] = s->n.x;
+	l->ny[lane] = s->n.y;
+	l->nz[lane] = s->n.z;
+	l->px[lane] = p.x;
+	l->py[lane] = p.y;
+	l->pz[lane] = p.z;
+	l->qx[lane] = q.x;
+	l->qy[lane] = q.y;
+	l->qz[lane] = q.z;
+	l->rim[lane] = k->nshared == 1 ? 1.0 : 0.0;
+}
+
+/* v stays where it is, so only the faces of u change. */
+static void evaluate_into_locked(const wh_engine *e, wh_collapse *k)
+{
+	const wh_vertex_sum *s = &e->w->sum[k->u];
+	const wh_vec3 edge = wh_sub(e->p->pos[k->v], e->p->pos[k->u]);
+	k->x = e->p->pos[k->v];
+	k->weight = sum_trace(s);
+	k->cost =
+	    fmax(wh_dot(edge, sum_times(s, edge)), 0.0) + LENGTH_TIE * k->weight * wh_norm2(edge);
 }
 
 static wh_vec3 round_position(const wh_engine *e, wh_vec3 x)
@@ -173,25 +223,22 @@ static wh_vec3 round_position(const wh_engine *e, wh_vec3 x)
 	return x;
 }
 
-/* Place and cost of the collapse of k's edge; shared faces are known. v is the locked end when
- * there is one, and then it stays where it is: only the faces of u change. */
-void wh_collapse_evaluate(const wh_engine *e, wh_collapse *k)
+void wh_lanes_get(const wh_engine *e, const wh_lanes *l, int lane, wh_collapse *k)
 {
-	const wh_vec3 pu = e->p->pos[k->u], pv = e->p->pos[k->v];
-	const wh_vec3 edge = wh_sub(pv, pu);
-	const wh_vertex_sum *a = &e->w->sum[k->u];
-	double cost;
+	const wh_vec3 y = wh_v3(l->to_x[lane], l->to_y[lane], l->to_z[lane]);
+	k->x = round_position(e, wh_add(e->p->pos[k->v], y));
+	k->cost = l->cost[lane];
+	k->weight = l->weight[lane];
+}
+
+void wh_collapse_evaluate(wh_engine *e, wh_collapse *k)
+{
 	if (e->p->flag[k->v] & WH_LOCKED) {
-		k->x = pv;
-		cost = sum_form(a, edge);
-		k->weight = sum_trace(a);
-	} else {
-		const wh_vertex_sum h = sum_joined(e, k, edge);
-		k->x = round_position(e, wh_add(pu, best_place(e, k, &h, edge)));
-		const wh_vec3 y = wh_sub(k->x, pu);
-		cost = sum_form(&h, y) - 2.0 * wh_dot(sum_times(&e->w->sum[k->v], edge), y) +
-		       sum_form(&e->w->sum[k->v], edge);
-		k->weight = sum_trace(&h);
+		evaluate_into_locked(e, k);
+		return;
 	}
-	k->cost = fmax(cost, 0.0) + LENGTH_TIE * k->weight * wh_norm2(edge);
+	wh_lanes *l = &e->w->lanes;
+	wh_lanes_set(e, l, 0, k);
+	wh_lanes_evaluate(l, &e->w->sum[k->v]);
+	wh_lanes_get(e, l, 0, k);
 }

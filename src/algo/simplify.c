@@ -180,18 +180,57 @@ static bool orient(const wh_engine *e, wh_collapse *k)
 	         (e->p->flag[k->v] & WH_BORDER));
 }
 
-static wh_code push_edge(wh_engine *e, uint32_t v, const wh_neighbour *b)
+static wh_code push(wh_engine *e, const wh_collapse *k)
 {
-	wh_collapse k = {.u = b->id, .v = v, .shared = {b->face[0], b->face[1]}};
-	k.nshared = faces_on(b);
-	if (k.nshared > 2 || !orient(e, &k))
-		return WH_OK;
-	wh_collapse_evaluate(e, &k);
-	if (!(k.cost <= e->params->max_cost))
-		return WH_OK;
 	wh_simplify_work *w = e->w;
-	return wh_queue_push(e->c, &w->queue, wh_queue_bucket(&w->queue, k.cost), k.u, k.v,
-	                     w->generation[k.u] + w->generation[k.v]);
+	if (!(k->cost <= e->params->max_cost))
+		return WH_OK;
+	return wh_queue_push(e->c, &w->queue, wh_queue_bucket(&w->queue, k->cost), k->u, k->v,
+	                     w->generation[k->u] + w->generation[k->v]);
+}
+
+/* Evaluates the n collapses at the free vertex v that wait in the lanes, and pushes them. */
+static wh_code push_lanes(wh_engine *e, uint32_t v, wh_collapse *waiting, int n)
+{
+	wh_lanes *l = &e->w->lanes;
+	wh_lanes_evaluate(l, &e->w->sum[v]);
+	for (int i = 0; i < n; i++) {
+		wh_lanes_get(e, l, i, &waiting[i]);
+		if (push(e, &waiting[i]) != WH_OK)
+			return e->c->err.code;
+	}
+	return WH_OK;
+}
+
+/* Pushes the edges from v to its ring: to all of it, or only to where v is the lower end, so that
+ * a sweep over all vertices takes each free edge once. */
+static wh_code push_edges(wh_engine *e, uint32_t v, const wh_ring *r, bool upward)
+{
+	wh_collapse waiting[WH_LANES];
+	int n = 0;
+	for (uint32_t i = 0; i < r->n; i++) {
+		const wh_neighbour *b = &r->item[i];
+		wh_collapse k = {.u = b->id, .v = v, .shared = {b->face[0], b->face[1]}};
+		k.nshared = faces_on(b);
+		if (upward && b->id < v && !(e->p->flag[b->id] & WH_LOCKED))
+			continue;
+		if (k.nshared > 2 || !orient(e, &k))
+			continue;
+		if (e->p->flag[k.v] & WH_LOCKED) {
+			wh_collapse_evaluate(e, &k);
+			if (push(e, &k) != WH_OK)
+				return e->c->err.code;
+			continue;
+		}
+		wh_lanes_set(e, &e->w->lanes, n, &k);
+		waiting[n++] = k;
+		if (n == WH_LANES) {
+			if (push_lanes(e, v, waiting, n) != WH_OK)
+				return e->c->err.code;
+			n = 0;
+		}
+	}
+	return n ? push_lanes(e, v, waiting, n) : WH_OK;
 }
 
 /* Renews the sums around the new vertex, then the costs of its edges. */
@@ -207,10 +246,7 @@ static wh_code ring_renew(wh_engine *e, uint32_t v)
 		if (!(e->p->flag[r->item[i].id] & WH_LOCKED) &&
 		    wh_sum_renew_any(e, r->item[i].id) != WH_OK)
 			return e->c->err.code;
-	for (uint32_t i = 0; i < r->n; i++)
-		if (push_edge(e, v, &r->item[i]) != WH_OK)
-			return e->c->err.code;
-	return WH_OK;
+	return push_edges(e, v, r, false);
 }
 
 static void note_collapse(wh_engine *e, const wh_collapse *k, double err)
@@ -359,14 +395,8 @@ static wh_code push_all(wh_engine *e)
 			continue;
 		if (wh_gather(e, v, &w->ring_v) != WH_OK)
 			return e->c->err.code;
-		for (uint32_t i = 0; i < w->ring_v.n; i++) {
-			const wh_neighbour *b = &w->ring_v.item[i];
-			/* each free edge once, from its lower end */
-			if (b->id < v && !(e->p->flag[b->id] & WH_LOCKED))
-				continue;
-			if (push_edge(e, v, b) != WH_OK)
-				return e->c->err.code;
-		}
+		if (push_edges(e, v, &w->ring_v, true) != WH_OK)
+			return e->c->err.code;
 	}
 	return WH_OK;
 }

@@ -31,8 +31,25 @@ typedef struct wh_ring {
 	size_t cap;
 } wh_ring;
 
+enum { WH_LANES = 8 };
+
+/* Evaluations side by side: edges from one vertex, the hub, to others (collapse_cost.c). */
+typedef struct wh_lanes {
+	double ex[WH_LANES], ey[WH_LANES], ez[WH_LANES]; /* edge: from the hub to the other end */
+	double xx[WH_LANES], xy[WH_LANES], xz[WH_LANES]; /* the other end's sums */
+	double yy[WH_LANES], yz[WH_LANES], zz[WH_LANES];
+	double nx[WH_LANES], ny[WH_LANES], nz[WH_LANES];
+	double px[WH_LANES], py[WH_LANES], pz[WH_LANES]; /* area vectors of the shared faces, */
+	double qx[WH_LANES], qy[WH_LANES], qz[WH_LANES]; /* the second 0 on the boundary */
+	double rim[WH_LANES];                            /* 1 on the boundary, else 0 */
+	/* results: new place relative to the hub, cost, weight of the faces */
+	double to_x[WH_LANES], to_y[WH_LANES], to_z[WH_LANES];
+	double cost[WH_LANES], weight[WH_LANES];
+} wh_lanes;
+
 struct wh_simplify_work {
 	wh_queue queue;
+	wh_lanes lanes;                       /* unused lanes hold what they held before */
 	uint32_t *first, *count, *generation; /* per vertex */
 	wh_vertex_sum *sum;
 	uint64_t *mark; /* tick << 32 | index in the ring being gathered */
@@ -153,7 +170,13 @@ wh_code wh_sum_renew_any(wh_engine *e, uint32_t v);
 
 /* Place and cost of the collapse of k's edge, whose shared faces are known. v is the locked end
  * when there is one. */
-void wh_collapse_evaluate(const wh_engine *e, wh_collapse *k);
+void wh_collapse_evaluate(wh_engine *e, wh_collapse *k);
+
+/* The same for up to WH_LANES edges at the free vertex v, the hub, with free other ends u: set each
+ * lane, evaluate, read each lane. */
+void wh_lanes_set(const wh_engine *e, wh_lanes *l, int lane, const wh_collapse *k);
+void wh_lanes_evaluate(wh_lanes *l, const wh_vertex_sum *hub);
+void wh_lanes_get(const wh_engine *e, const wh_lanes *l, int lane, wh_collapse *k);
 
 /* ---- collapse_rule.c ---------------------------------------------------------------------- */
 
