@@ -16,6 +16,7 @@
 #include "pipeline/normalise.h"
 #include "pipeline/round.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -23,6 +24,8 @@
 /* A round leaves this many times the target: what it leaves undone, the final pass does in the
  * right order; what it overdoes, nobody can undo. */
 static const double ROUND_MARGIN = 1.25;
+/* The vertices on cluster borders, which a round cannot move, add about this to what it leaves. */
+static const double BORDER_MARGIN = 1.08;
 /* A round takes away no more than this in one go: its survey would see too few survivors. */
 static const double ROUND_KEEP_LEAST = 0.02;
 /* Micro-clusters, smaller still, stop earlier. */
@@ -207,8 +210,47 @@ static wh_code open_input(run *r, bool rewrite)
 	t->input_faces = r->input.source.nf;
 	t->polygons = r->input.polygons;
 	t->degenerate_faces = r->input.degenerate;
+	r->faces = t->input_faces;
 	work_out_targets(r);
 	return WH_OK;
+}
+
+/* Appends a name to the list of what is dropped; a list too long ends in "...". */
+static void note_dropped(wh_reduce_report *t, const char *name)
+{
+	const size_t used = strlen(t->dropped), room = sizeof t->dropped - used;
+	if (strlen(name) + sizeof ", ..." < room)
+		(void)snprintf(t->dropped + used, room, "%s%s", used ? ", " : "", name);
+	else if (used < 3 || strcmp(t->dropped + used - 3, "...") != 0)
+		(void)snprintf(t->dropped + used, room, ", ...");
+}
+
+/* Positions and triangles are carried over; everything else the file holds is named. */
+static void list_dropped(run *r)
+{
+	const wh_ply *p = &r->input.ply;
+	for (size_t i = 0; i < p->nelems; i++) {
+		const wh_ply_elem *e = &p->elems[i];
+		const bool vertex = (int)i == p->vertex, face = (int)i == p->face;
+		if (!vertex && !face && (int)i != p->strips)
+			note_dropped(r->report, e->name);
+		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
+			if (vertex ? k != p->x && k != p->y && k != p->z : k != p->corners)
+				note_dropped(r->report, e->props[k].name);
+	}
+}
+
+/* Refuses before the work what the last pass would refuse after it. It starts from a little more
+ * than the target: what a round leaves, and the borders of its clusters. */
+static wh_code refuse_early(run *r)
+{
+	const double all = (double)r->faces, share = wanted_share(r);
+	if (!(share > 0))
+		return WH_OK;
+	const bool no_rounds = ROUND_MARGIN * share > ROUND_KEEP_MOST;
+	const double last = no_rounds ? all : fmin(all, BORDER_MARGIN * ROUND_MARGIN * share * all);
+	const size_t need = wh_finish_bytes((uint64_t)(last / 2), (uint64_t)last);
+	return need > budget(r) ? too_small(r, "the final pass", need) : WH_OK;
 }
 
 static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
@@ -519,6 +561,9 @@ static wh_code all_stages(run *r, wh_outfile **out)
 		return r->c->err.code;
 	if (nothing_to_do(r) && !(r->params->ascii && r->input.ply.format != WH_PLY_ASCII))
 		return copy_input(r, out);
+	list_dropped(r);
+	if (refuse_early(r) != WH_OK)
+		return r->c->err.code;
 	phase_begin(r);
 	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK ||
 	    stitch(r) != WH_OK || final_pass(r) != WH_OK || check(r) != WH_OK ||

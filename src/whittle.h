@@ -67,6 +67,8 @@ typedef struct wh_reduce_report {
 	uint64_t polygons;              /* input faces with more than three corners */
 	uint64_t degenerate_faces;      /* dropped: a vertex repeated */
 	uint64_t unreferenced_vertices; /* dropped: in no face */
+	char dropped[512];              /* what the file holds besides positions and faces, by name,
+	                                   comma-separated */
 	double diagonal;                /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;

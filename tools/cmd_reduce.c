@@ -256,9 +256,14 @@ static int threads_of_environment(void)
 
 /* ---- words -------------------------------------------------------------------------------- */
 
-static const char *plural(uint64_t n)
+static const char *faces_word(uint64_t n)
 {
-	return n == 1 ? "" : "s";
+	return n == 1 ? "face" : "faces";
+}
+
+static const char *vertices_word(uint64_t n)
+{
+	return n == 1 ? "vertex" : "vertices";
 }
 
 static void print_notes(FILE *f, const wh_reduce_report *r)
@@ -268,15 +273,20 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 	if (r->one_less)
 		(void)fprintf(f,
 		              "one face less than asked for: the count's parity is out of reach\n");
+	if (r->dropped[0])
+		(void)fprintf(f, "not carried over (positions and faces only): %s\n", r->dropped);
 	if (r->degenerate_faces)
-		(void)fprintf(f, "dropped %llu degenerate face%s\n",
-		              (unsigned long long)r->degenerate_faces, plural(r->degenerate_faces));
+		(void)fprintf(f, "dropped %llu degenerate %s\n",
+		              (unsigned long long)r->degenerate_faces,
+		              faces_word(r->degenerate_faces));
 	if (r->unreferenced_vertices)
-		(void)fprintf(f, "dropped %llu vertex/vertices without faces\n",
-		              (unsigned long long)r->unreferenced_vertices);
+		(void)fprintf(f, "dropped %llu %s without faces\n",
+		              (unsigned long long)r->unreferenced_vertices,
+		              vertices_word(r->unreferenced_vertices));
 	if (r->nonmanifold_kept)
-		(void)fprintf(f, "kept %llu non-manifold vertex/vertices where they were\n",
-		              (unsigned long long)r->nonmanifold_kept);
+		(void)fprintf(f, "kept %llu non-manifold %s in place\n",
+		              (unsigned long long)r->nonmanifold_kept,
+		              vertices_word(r->nonmanifold_kept));
 }
 
 static void print_summary(FILE *f, const options *o, const wh_reduce_report *r)
