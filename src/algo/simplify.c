@@ -138,6 +138,11 @@ static bool one_fan(const wh_engine *e, uint32_t v, const wh_ring *r)
 	return walked == w->count[v];
 }
 
+/* A collapse looks at all faces around both its ends and their neighbours. A vertex with more faces
+ * than this is locked until it has fewer, no other is made, and none is collapsed into it: else a
+ * hub of n faces would take time n^2. */
+enum { MOST_FACES_AROUND = 1024 };
+
 /* Classifies a vertex whose faces are all here: on the boundary, or not manifold (then fixed). */
 static wh_code classify(wh_engine *e, uint32_t v)
 {
@@ -148,7 +153,9 @@ static wh_code classify(wh_engine *e, uint32_t v)
 	bool manifold = true;
 	for (uint32_t i = 0; i < r->n; i++)
 		manifold = manifold && r->item[i].outgoing <= 1 && r->item[i].incoming <= 1;
-	*flag &= (uint8_t)~WH_BORDER;
+	*flag &= (uint8_t) ~(WH_BORDER | WH_HUB);
+	if (e->w->count[v] > MOST_FACES_AROUND)
+		*flag |= WH_HUB;
 	if (ring_has_boundary(r))
 		*flag |= WH_BORDER;
 	if (!manifold || (r->n > 0 && !one_fan(e, v, r))) {
@@ -158,7 +165,7 @@ static wh_code classify(wh_engine *e, uint32_t v)
 	}
 	if ((*flag & WH_BORDER) && e->params->lock_boundary)
 		*flag |= WH_FIXED;
-	if (!(*flag & WH_FIXED))
+	if (!(*flag & WH_LOCKED))
 		wh_sum_renew(e, v, r);
 	return WH_OK;
 }
@@ -173,7 +180,8 @@ static bool orient(const wh_engine *e, wh_collapse *k)
 		k->u = k->v;
 		k->v = t;
 	}
-	if (e->p->flag[k->u] & WH_LOCKED)
+	if ((e->p->flag[k->u] & WH_LOCKED) ||
+	    e->w->count[k->u] + e->w->count[k->v] > MOST_FACES_AROUND)
 		return false;
 	/* An inner edge between two boundary vertices: collapsing it would pinch the surface. */
 	return !(k->nshared == 2 && (e->p->flag[k->u] & WH_BORDER) &&
@@ -318,7 +326,7 @@ static wh_code try_candidate(wh_engine *e, wh_collapse *k, uint32_t bucket, bool
 {
 	wh_simplify_work *w = e->w;
 	*out = REJECTED;
-	if (!find_shared(e, k))
+	if (w->count[k->u] + w->count[k->v] > MOST_FACES_AROUND || !find_shared(e, k))
 		return WH_OK;
 	wh_collapse_evaluate(e, k);
 	if (!(k->cost <= e->params->max_cost))
@@ -391,6 +399,9 @@ static wh_code push_all(wh_engine *e)
 {
 	wh_simplify_work *w = e->w;
 	for (uint32_t v = 0; v < e->p->nv; v++) {
+		if ((e->p->flag[v] & WH_HUB) && w->count[v] <= MOST_FACES_AROUND &&
+		    classify(e, v) != WH_OK)
+			return e->c->err.code;
 		if (w->count[v] == 0 || (e->p->flag[v] & WH_LOCKED))
 			continue;
 		if (wh_gather(e, v, &w->ring_v) != WH_OK)

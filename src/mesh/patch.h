@@ -14,7 +14,8 @@ enum {
 	WH_CUT = 1,    /* used by another piece: locked, faces may be missing here */
 	WH_FIXED = 2,  /* locked for good: non-manifold, or a boundary the user wants kept */
 	WH_BORDER = 4, /* on a true boundary edge of the surface */
-	WH_LOCKED = WH_CUT | WH_FIXED
+	WH_HUB = 8,    /* locked while it has very many faces */
+	WH_LOCKED = WH_CUT | WH_FIXED | WH_HUB
 };
 
 typedef struct wh_patch {
