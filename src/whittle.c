@@ -240,19 +240,6 @@ static void list_dropped(run *r)
 	}
 }
 
-/* Refuses before the work what the last pass would refuse after it. It starts from a little more
- * than the target: what a round leaves, and the borders of its clusters. */
-static wh_code refuse_early(run *r)
-{
-	const double all = (double)r->faces, share = wanted_share(r);
-	if (!(share > 0))
-		return WH_OK;
-	const bool no_rounds = ROUND_MARGIN * share > ROUND_KEEP_MOST;
-	const double last = no_rounds ? all : fmin(all, BORDER_MARGIN * ROUND_MARGIN * share * all);
-	const size_t need = wh_finish_bytes((uint64_t)(last / 2), (uint64_t)last);
-	return need > budget(r) ? too_small(r, "the final pass", need) : WH_OK;
-}
-
 static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
 {
 	if (cluster_faces == 0)
@@ -261,32 +248,51 @@ static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
 	return n < 1 ? 1 : n > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)n;
 }
 
-/* The most that a stage after ingest is likely to need, from counts alone: for the words of a
- * refusal, so that they name a size that does for the whole run. */
-static size_t foreseen(const run *r)
+static wh_ingest_params ingest_params(const run *r)
 {
-	const double all = (double)r->input.source.nf, each = (double)r->params->cluster_faces;
-	const double cluster = each > 0 && 1.3 * each < all ? 1.3 * each : all;
-	const double share = r->report->target_faces ? (double)r->report->target_faces / all : 1;
-	const double keep = larger_of(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
-	const double most = larger_of((double)r->params->final_faces, 2 * share * all);
-	const double last = keep > ROUND_KEEP_MOST || cluster >= all ? all : keep * all;
-	const uint64_t cf = (uint64_t)cluster, cv = cf / 5 * 3;
-	const uint64_t lf = (uint64_t)(last < most ? last : most), lv = lf / 5 * 3;
-	const size_t load = (size_t)cf * 12 + (size_t)cv * 40;
-	const size_t in_rounds = load + wh_cluster_bytes(cv, cf);
-	const size_t at_last = load + wh_finish_bytes(lv, lf);
-	return in_rounds > at_last ? in_rounds : at_last;
+	return (wh_ingest_params){.clusters =
+	                              cluster_count(r->input.source.nf, r->params->cluster_faces),
+	                          .buffer = BUFFER_LEAST};
+}
+
+/* What the last pass will take, 0 when no count tells. It starts from a little more than the
+ * target: what a round leaves, and the borders of its clusters. */
+static size_t last_pass_bytes(const run *r)
+{
+	const double all = (double)r->faces, share = wanted_share(r);
+	if (!(share > 0))
+		return 0;
+	const bool no_rounds = ROUND_MARGIN * share > ROUND_KEEP_MOST;
+	const double last = no_rounds ? all : fmin(all, BORDER_MARGIN * ROUND_MARGIN * share * all);
+	return wh_finish_bytes((uint64_t)(last / 2), (uint64_t)last);
+}
+
+/* What the largest cluster is likely to take. */
+static size_t cluster_bytes(const run *r)
+{
+	const double all = (double)r->faces, each = (double)r->params->cluster_faces;
+	const uint64_t nf = (uint64_t)(each > 0 ? fmin(1.3 * each, all) : all), nv = nf / 5 * 3;
+	return (size_t)nf * 12 + (size_t)nv * 40 + wh_cluster_bytes(nv, nf);
+}
+
+/* Refuses for want of `need` bytes before the work begins, with a size that does for all of it. */
+static wh_code refuse_early(run *r, const char *what, size_t need)
+{
+	const wh_ingest_params p = ingest_params(r);
+	const size_t stage[] = {wh_ingest_bytes(&r->input.source, &r->exec, &p), cluster_bytes(r),
+	                        last_pass_bytes(r)};
+	for (size_t i = 0; i < sizeof stage / sizeof *stage; i++)
+		need = need > stage[i] ? need : stage[i];
+	return too_small(r, what, need);
 }
 
 static wh_code ingest_once(run *r)
 {
 	const wh_source *src = &r->input.source;
-	wh_ingest_params p = {.clusters = cluster_count(src->nf, r->params->cluster_faces),
-	                      .buffer = BUFFER_LEAST};
+	wh_ingest_params p = ingest_params(r);
 	const size_t least = wh_ingest_bytes(src, &r->exec, &p);
 	if (least > budget(r))
-		return too_small(r, "reading the input", least > foreseen(r) ? least : foreseen(r));
+		return refuse_early(r, "reading the input", least);
 	const size_t spare = (budget(r) - least) / 2 / p.clusters;
 	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
@@ -562,8 +568,8 @@ static wh_code all_stages(run *r, wh_outfile **out)
 	if (nothing_to_do(r) && !(r->params->ascii && r->input.ply.format != WH_PLY_ASCII))
 		return copy_input(r, out);
 	list_dropped(r);
-	if (refuse_early(r) != WH_OK)
-		return r->c->err.code;
+	if (last_pass_bytes(r) > budget(r)) /* not after all the work */
+		return refuse_early(r, "the final pass", 0);
 	phase_begin(r);
 	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK ||
 	    stitch(r) != WH_OK || final_pass(r) != WH_OK || check(r) != WH_OK ||
