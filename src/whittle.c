@@ -408,7 +408,7 @@ static wh_code recut(run *r)
 	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
 	phase_begin(r);
 	const wh_code code = wh_round_recut(r->c, &r->exec, &r->progress, &r->store, &next,
-	                                    RECUT_SKEW, BUFFER_MOST / 4, &r->report->cut_vertices);
+	                                    RECUT_SKEW, BUFFER_MOST / 4);
 	if (phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
 		return code;
 	wh_round_remove(&r->store);

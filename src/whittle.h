@@ -84,7 +84,8 @@ typedef struct wh_reduce_report {
 	double cost_distance;      /* cost of the dearest collapse, as a distance */
 	double accumulated_error;  /* bound of the accumulated distance, worst vertex */
 
-	uint64_t clusters, rounds, cut_vertices;
+	uint64_t clusters, cut_vertices; /* of the first partition */
+	uint64_t rounds;
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;

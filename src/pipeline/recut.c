@@ -339,7 +339,7 @@ static void hands_free(wh_ctx *c, recut *r, int workers)
 }
 
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, double skew, size_t buffer, uint64_t *cut_vertices)
+                       wh_store *to, double skew, size_t buffer)
 {
 	to->id_bytes = from->id_bytes;
 	to->coord_bytes = from->coord_bytes;
@@ -359,7 +359,6 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 		code = find_cut_again(c, &r);
 	if (code == WH_OK)
 		code = distribute(c, ex, &r, buffer);
-	*cut_vertices = r.cuts;
 	for (uint32_t k = 0; r.writer && k < to->clusters; k++)
 		wh_store_drop(c, &r.writer[k]);
 	wh_free(c, r.writer);

@@ -33,11 +33,10 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 
 /*
  * Cuts the mesh of `from` into `to->clusters` other clusters. Local corners become global ids;
- * vertices that only one new cluster uses are free again. `cut_vertices` gets the number of the
- * others.
+ * vertices that only one new cluster uses are free again.
  */
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, double skew, size_t buffer, uint64_t *cut_vertices);
+                       wh_store *to, double skew, size_t buffer);
 
 /* Removes all cluster files of a store. */
 void wh_round_remove(const wh_store *store);
