@@ -34,13 +34,16 @@ static const double MICRO_KEEP_LEAST = 0.125;
 static const double ROUND_KEEP_MOST = 0.85;
 /* A round that leaves more than this is the last one. */
 static const double ROUND_NO_PROGRESS = 0.9;
-/* Share of cells left of a cut, for the first partition and the later ones. */
+/* Share of the cells left of a cut when cutting anew; the first partition has 0.5. */
 static const double RECUT_SKEW = 0.4;
 
 enum {
 	SURVEY_FACES = 16 * 1024,      /* a piece of a survey */
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
-	MOST_LOWERINGS = 12,           /* of a round's cost limit, by a factor of 8 each */
+	MOST_SIZE = 100 * 1000 * 1000,
+	MOST_LOWERINGS = 12,              /* of a round's cost limit, by a factor of 8 each */
+	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
+	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
 	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
 	BUFFER_MOST = 256 * 1024
 };
@@ -61,7 +64,8 @@ typedef struct run {
 	wh_patch patch;
 	double max_err;
 	double phase_start;
-	size_t memory; /* ceiling */
+	size_t memory;           /* ceiling */
+	wh_simplify_result work; /* of all stages */
 } run;
 
 const char *wh_phase_name(wh_phase phase)
@@ -201,7 +205,10 @@ static wh_code open_input(run *r, bool rewrite)
 		wh_input_close(r->c, &r->spill, &r->input);
 	r->input_open = false;
 	wh_progress_phase(&r->progress, "open", 1);
-	if (wh_input_open(r->c, &r->exec, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
+	wh_exec ex = r->exec;
+	if ((size_t)ex.workers > budget(r) / REWRITE_BYTES)
+		ex.workers = budget(r) < REWRITE_BYTES ? 1 : (int)(budget(r) / REWRITE_BYTES);
+	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	wh_reduce_report *t = r->report;
@@ -290,13 +297,16 @@ static wh_code ingest_once(run *r)
 {
 	const wh_source *src = &r->input.source;
 	wh_ingest_params p = ingest_params(r);
-	const size_t least = wh_ingest_bytes(src, &r->exec, &p);
+	wh_exec ex = r->exec;
+	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(r))
+		ex.workers--;
+	const size_t least = wh_ingest_bytes(src, &ex, &p);
 	if (least > budget(r))
 		return refuse_early(r, "reading the input", least);
 	const size_t spare = (budget(r) - least) / 2 / p.clusters;
 	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
-	return wh_ingest(r->c, &r->exec, &r->progress, src, &p, &r->store, &r->ingest);
+	return wh_ingest(r->c, &ex, &r->progress, src, &p, &r->store, &r->ingest);
 }
 
 static void count_input_reads(run *r)
@@ -363,13 +373,6 @@ static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params 
 	return phase_end(r, WH_PHASE_SURVEY, code);
 }
 
-static void note_work(run *r, const wh_simplify_result *w)
-{
-	wh_reduce_report *t = r->report;
-	t->cost_distance = larger_of(t->cost_distance, w->cost_distance);
-	t->accumulated_error = larger_of(t->accumulated_error, w->highest_err);
-}
-
 /* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
  * is lowered, and the round done again. Where that does not help either, as too many collapses
  * cost nothing at all, the mesh is left as it was. */
@@ -398,7 +401,7 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 	r->faces = done.faces;
 	r->report->unreferenced_vertices += done.unreferenced;
 	r->report->rounds++;
-	note_work(r, &done.work);
+	wh_simplify_result_add(&r->work, &done.work);
 	return WH_OK;
 }
 
@@ -406,9 +409,12 @@ static wh_code recut(run *r)
 {
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
+	wh_exec ex;
+	if (cluster_workers(r, &ex) != WH_OK)
+		return r->c->err.code;
 	phase_begin(r);
-	const wh_code code = wh_round_recut(r->c, &r->exec, &r->progress, &r->store, &next,
-	                                    RECUT_SKEW, BUFFER_MOST / 4);
+	const wh_code code =
+	    wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, RECUT_SKEW, BUFFER_MOST / 4);
 	if (phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
 		return code;
 	wh_round_remove(&r->store);
@@ -480,7 +486,7 @@ static wh_code final_pass(run *r)
 		code = wh_simplify(r->c, w, &r->patch, &p, &done);
 	wh_simplify_work_free(r->c, w);
 	if (code == WH_OK) {
-		note_work(r, &done);
+		wh_simplify_result_add(&r->work, &done);
 		t->nonmanifold_kept = done.fixed;
 		t->exhausted = done.exhausted && (t->target_faces || t->target_vertices) &&
 		               !isfinite(r->max_err);
@@ -559,11 +565,11 @@ static wh_code copy_input(run *r, wh_outfile **out)
 
 static wh_code all_stages(run *r, wh_outfile **out)
 {
-	if (open_spill(r) != WH_OK)
+	if (wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
+	    open_spill(r) != WH_OK)
 		return r->c->err.code;
 	phase_begin(r);
-	if (phase_end(r, WH_PHASE_OPEN, open_input(r, false)) != WH_OK ||
-	    wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK)
+	if (phase_end(r, WH_PHASE_OPEN, open_input(r, false)) != WH_OK)
 		return r->c->err.code;
 	if (nothing_to_do(r) && !(r->params->ascii && r->input.ply.format != WH_PLY_ASCII))
 		return copy_input(r, out);
@@ -587,8 +593,10 @@ static wh_code verdict(run *r)
 	return wh_fail(
 	    r->c, WH_E_TARGET,
 	    "%s: stopped at %llu faces, more than asked for: every further collapse would "
-	    "change the topology or turn faces over; this best mesh was written",
-	    r->params->output, (unsigned long long)t->output_faces);
+	    "change the topology or turn faces over%s%s; this best mesh was written",
+	    r->params->output, (unsigned long long)t->output_faces,
+	    r->params->lock_boundary ? ", or move the locked boundary" : "",
+	    t->nonmanifold_kept ? ", or move non-manifold vertices, which are kept" : "");
 }
 
 static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
@@ -599,12 +607,18 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		               "no target: give --faces, --vertices, --ratio or --error");
 	if (p->faces > UINT32_MAX / 3 || p->vertices > UINT32_MAX / 3)
 		return wh_fail(c, WH_E_USAGE, "targets above 1.4 G are not supported");
+	if (p->face_ratio > 1 || p->vertex_ratio > 1)
+		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
+	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)
+		return wh_fail(c, WH_E_USAGE,
+		               "threads, cluster or micro-cluster size out of range");
 	return WH_OK;
 }
 
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report)
 {
 	*report = (wh_reduce_report){0};
+	c->err = (wh_error){0};
 	if (sensible(c, params) != WH_OK)
 		return c->err.code;
 	const double start = wh_seconds();
@@ -617,10 +631,12 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	         .exec = {.workers = wh_exec_threads(params->threads)},
 	         .memory = params->memory ? params->memory : wh_topo_memory() / 2};
 	const size_t old_limit = c->mem->limit;
-	c->mem->limit = r.memory > BASE_BYTES ? r.memory - BASE_BYTES / 2 : r.memory;
+	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - BASE_BYTES / 2 : OPEN_BYTES;
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
 	wh_outfile_abort(c, &out);
+	report->cost_distance = r.work.cost_distance;
+	report->accumulated_error = r.work.highest_err;
 	report->threads = r.exec.workers;
 	report->memory_ceiling = r.memory;
 	report->memory_peak = atomic_load(&c->mem->peak);

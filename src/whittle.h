@@ -35,8 +35,8 @@ typedef struct wh_reduce_params {
 	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
 
 	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
-	uint64_t cluster_faces; /* faces of a cluster; 0: one cluster, no rounds */
-	uint64_t micro_faces;   /* faces of a micro-cluster; 0: none */
+	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
+	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
 	uint64_t final_faces;   /* rounds go on until no more faces than this are left */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */

@@ -77,7 +77,14 @@ static uint64_t suffix_factor(const char *s, bool binary)
 	if (*s == '\0')
 		return 1;
 	const char *at = strchr(letters, toupper((unsigned char)*s));
-	if (!at || s[1] != '\0')
+	if (!at)
+		return 0;
+	s++;
+	if (binary && *s == 'i') /* MiB, Mi, MB and M are the same size */
+		s++;
+	if (binary && *s == 'B')
+		s++;
+	if (*s != '\0')
 		return 0;
 	uint64_t factor = 1;
 	for (const char *l = letters; l <= at; l++)

@@ -9,31 +9,31 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 static const char help[] =
-    "usage: whittle reduce IN -o OUT [--faces N | --vertices N | --ratio R | --error E] ...\n"
-    "Reduces a PLY mesh of any size within a memory ceiling. The first limit reached stops.\n\n"
-    "  -o, --output FILE      where to; - is standard output\n"
-    "  -n, --faces N|P%       triangles to keep: 200k, 1.5M, 10%\n"
-    "      --vertices N|P%    vertices to keep\n"
-    "      --ratio R          share of the triangles to keep: 0.1\n"
-    "      --error E|P%       how far the surface may move, as estimated, in units of\n"
-    "                         the file or per cent of the bounding-box diagonal\n"
-    "      --lock-boundary    keep boundary edges exactly\n"
-    "      --memory SIZE      ceiling of the whole process: 512M, 4G (default: half of\n"
-    "                         the machine's, its control group's or the job's)\n"
-    "      --threads N        0 (default): all this process may use\n"
-    "      --temp-dir DIR     temporary files (default: $SLURM_TMPDIR, $TMPDIR, beside OUT)\n"
-    "      --ascii            text instead of binary\n"
-    "      --report FILE      what was done, as JSON\n"
-    "      --cluster-faces N  faces of a cluster (default 256Ki); 0: all in one\n"
-    "      --micro-faces N    faces of a micro-cluster (default 16Ki); 0: none\n"
-    "      --final-faces N    faces that the final pass may start from (default 1M)\n"
-    "  -f, --force            write over an existing file\n"
-    "  -q, --quiet            no progress and no summary\n"
-    "  -v, --verbose          seconds of each phase\n"
-    "      --no-progress      no progress\n"
-    "Cluster sizes decide the result's bytes; memory and threads never do.\n";
+    "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
+    "Reduces a PLY mesh within a memory ceiling; the first limit reached stops.\n"
+    "Positions and faces are kept; other properties are named in the summary.\n\n"
+    "  -o, --output FILE     where to; - is standard output\n"
+    "  -n, --faces N|P%      triangles to keep: 200K, 1.5M, 10%\n"
+    "      --vertices N|P%   vertices to keep\n"
+    "      --ratio R         share of the triangles to keep: 0.1\n"
+    "      --error E|P%      how far the surface may move, as estimated, in units of\n"
+    "                        the file or per cent of the bounding-box diagonal\n"
+    "      --lock-boundary   keep boundary edges exactly\n"
+    "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default: half\n"
+    "                        of the machine's, its control group's or the job's)\n"
+    "      --threads N       0 (default): all this process may use\n"
+    "      --temp-dir DIR    default: $SLURM_TMPDIR, $TMPDIR, beside the output\n"
+    "      --ascii           text instead of binary\n"
+    "      --report FILE     what was done, as JSON; replaces the file\n"
+    "  -f, --force           write over an existing output\n"
+    "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
+    "  -v, --verbose         seconds of each phase\n"
+    "Sizes that decide the result's bytes, as memory and threads never do:\n"
+    "      --cluster-faces N (262144; 0: one cluster) --micro-faces N (16384; 0: none)\n"
+    "      --final-faces N   (1M) from which the last pass over all may start\n";
 
 typedef struct options {
 	wh_reduce_params params;
@@ -142,7 +142,8 @@ static bool take_option(options *o, int opt, const char *arg)
 		ok = parse_target(arg, &p->vertices, &p->vertex_ratio);
 		break;
 	case OPT_RATIO:
-		ok = cmd_parse_real(arg, &p->face_ratio) && p->face_ratio > 0 && p->face_ratio <= 1;
+		ok = (parse_percent(arg, &p->face_ratio) || cmd_parse_real(arg, &p->face_ratio)) &&
+		     p->face_ratio > 0 && p->face_ratio <= 1;
 		break;
 	case OPT_ERROR:
 		ok = parse_error_limit(arg, p);
@@ -205,6 +206,30 @@ static const char *option_name(int opt)
 	return "?";
 }
 
+/* What an option's value has to be, for messages. */
+static const char *expected(int opt)
+{
+	switch (opt) {
+	case 'n':
+	case OPT_VERTICES:
+		return "a count such as 200K or a share such as 10%";
+	case OPT_RATIO:
+		return "a share between 0 and 1, such as 0.1 or 10%";
+	case OPT_ERROR:
+		return "a distance above 0, in units of the file or such as 0.01%";
+	case OPT_MEMORY:
+		return "a size such as 512M or 4G";
+	case OPT_THREADS:
+		return "a number from 0 to 1024";
+	case OPT_CLUSTER:
+		return "0 or a count from 1000 to 100M";
+	case OPT_MICRO:
+		return "0 or a count from 100 to 100M";
+	default:
+		return "a count above 0";
+	}
+}
+
 static bool has_limit(const wh_reduce_params *p)
 {
 	return p->faces || p->face_ratio > 0 || p->vertices || p->vertex_ratio > 0 ||
@@ -223,8 +248,8 @@ static int parse(int argc, char **argv, options *o)
 			return cmd_usage_error("reduce", "%s: unknown or ambiguous option",
 			                       argv[optind - 1]);
 		if (!take_option(o, opt, optarg))
-			return cmd_usage_error("reduce", "--%s: '%s' is not a value it can have",
-			                       option_name(opt), optarg);
+			return cmd_usage_error("reduce", "--%s: '%s' is not %s", option_name(opt),
+			                       optarg, expected(opt));
 	}
 	if (o->help)
 		return WH_OK;
@@ -237,6 +262,31 @@ static int parse(int argc, char **argv, options *o)
 	if (!has_limit(&o->params))
 		return cmd_usage_error(
 		    "reduce", "no target given: add --faces, --vertices, --ratio or --error");
+	return WH_OK;
+}
+
+static bool is_dash(const char *name)
+{
+	return name && strcmp(name, "-") == 0;
+}
+
+/* True when both names lead to one file. */
+static bool same_file(const char *a, const char *b)
+{
+	struct stat x, y;
+	if (strcmp(a, b) == 0)
+		return true;
+	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
+/* The report may replace an older one, but neither mesh. */
+static int check_report_name(const options *o)
+{
+	if (!o->report)
+		return WH_OK;
+	if (same_file(o->report, o->params.output) || same_file(o->report, o->params.input))
+		return cmd_usage_error("reduce", "--report '%s' is the input or the output",
+		                       o->report);
 	return WH_OK;
 }
 
@@ -314,6 +364,9 @@ int cmd_reduce(int argc, char **argv)
 		(void)fputs(help, stdout);
 		return WH_OK;
 	}
+	const int report_status = check_report_name(&o);
+	if (report_status != WH_OK)
+		return report_status;
 	if (o.params.threads == 0)
 		o.params.threads = threads_of_environment();
 	cmd_env env;
@@ -328,7 +381,8 @@ int cmd_reduce(int argc, char **argv)
 	if (code != WH_OK && code != WH_E_TARGET)
 		return cmd_report_failure(&env);
 	if (!o.quiet)
-		print_summary(strcmp(o.params.output, "-") == 0 ? stderr : stdout, &o, &report);
+		print_summary(is_dash(o.params.output) || is_dash(o.report) ? stderr : stdout, &o,
+		              &report);
 	if (o.report && reduce_report_write(&env, o.report, &o.params, &report) != 0)
 		return WH_E_RUN;
 	return code == WH_OK ? WH_OK : cmd_report_failure(&env);

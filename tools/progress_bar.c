@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static const double TERMINAL_INTERVAL = 0.1, LINE_INTERVAL = 5.0;
+static const double TERMINAL_INTERVAL = 0.1, LINE_INTERVAL = 10.0;
 enum { WIDTH = 24 };
 
 void progress_bar_init(progress_bar *b, bool on)
@@ -58,8 +58,11 @@ void progress_bar_tell(void *user, const char *phase, uint64_t done, uint64_t to
 		(void)fputs("\r\033[K", stderr);
 		draw_bar(share);
 	}
-	(void)fprintf(stderr, "%-10s %3.0f%%  %6.2f M/s  %s", phase, 100 * share,
-	              spent > 0 ? (double)done / spent / 1e6 : 0.0, left);
+	char rate[32] = "";
+	if (total > 100000 && spent > 0) /* few things are clusters, not faces or vertices */
+		(void)snprintf(rate, sizeof rate, "  %.2f M/s", (double)done / spent / 1e6);
+	(void)fprintf(stderr, "whittle: %s %.0f%%%s%s%s", phase, 100 * share, rate,
+	              *left ? "  " : "", left);
 	if (!b->terminal)
 		(void)fputc('\n', stderr);
 	(void)fflush(stderr);

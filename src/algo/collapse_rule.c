@@ -8,7 +8,9 @@
 
 /* A face may turn by at most acos of this in one collapse. There is no rule against thin faces:
  * scans are full of them, and collapses that pass through them are needed (refusing to thin a
- * face below 2 area / sum of squared edges = 0.02 stopped a dragon at eight times its count). */
+ * face below 2 area / sum of squared edges = 0.02 stopped a dragon at eight times its count).
+ * Against turning over in several steps a face may not pass to the other side of the mean direction
+ * around the edge. */
 static const double MIN_COSINE = 0.2;
 
 static const wh_neighbour *ring_find(const wh_ring *r, uint32_t id)
@@ -87,6 +89,9 @@ wh_code wh_link_condition(wh_engine *e, const wh_collapse *k, bool *ok)
 bool wh_faces_stay_sound(const wh_engine *e, const wh_collapse *k, uint32_t moving)
 {
 	const wh_simplify_work *w = e->w;
+	wh_vec3 mean = w->sum[k->u].n; /* sums are current for free vertices, as u always is */
+	if (!(e->p->flag[k->v] & WH_LOCKED))
+		mean = wh_add(mean, w->sum[k->v].n);
 	for (uint32_t i = 0; i < w->count[moving]; i++) {
 		const uint32_t f = w->pool[w->first[moving] + i];
 		if (is_shared(k, f))
@@ -97,6 +102,8 @@ bool wh_faces_stay_sound(const wh_engine *e, const wh_collapse *k, uint32_t movi
 		const wh_vec3 n1 = area_vector(k->x, e->p->pos[a], e->p->pos[b]);
 		const double d = wh_dot(n0, n1), q0 = wh_norm2(n0), q1 = wh_norm2(n1);
 		if (q0 > 0 && !(d > 0 && d * d >= MIN_COSINE * MIN_COSINE * q0 * q1))
+			return false;
+		if (wh_dot(n1, mean) < 0 && wh_dot(n0, mean) >= 0)
 			return false;
 	}
 	return true;

@@ -502,3 +502,13 @@ double wh_histogram_cost(int bin)
 	memcpy(&cost, &bits, sizeof cost);
 	return cost;
 }
+
+void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one)
+{
+	sum->collapses += one->collapses;
+	sum->highest_err = fmax(sum->highest_err, one->highest_err);
+	if (one->highest_cost > sum->highest_cost) {
+		sum->highest_cost = one->highest_cost;
+		sum->cost_distance = one->cost_distance;
+	}
+}

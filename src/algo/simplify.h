@@ -32,6 +32,9 @@ typedef struct wh_simplify_result {
 	uint32_t fixed;       /* non-manifold vertices found and kept */
 } wh_simplify_result;
 
+/* Adds what another run did: sums and extremes. `exhausted` and `fixed` stay. */
+void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one);
+
 typedef struct wh_simplify_work wh_simplify_work;
 
 /* A workspace, to be reused for any number of patches by one thread at a time. */

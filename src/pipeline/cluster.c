@@ -176,16 +176,6 @@ static void put_back(const wh_patch *m, wh_patch *p, uint32_t *nf)
 	*nf += m->nf;
 }
 
-static void keep_extremes(wh_simplify_result *all, const wh_simplify_result *one)
-{
-	all->collapses += one->collapses;
-	if (one->highest_cost > all->highest_cost) {
-		all->highest_cost = one->highest_cost;
-		all->cost_distance = one->cost_distance;
-	}
-	all->highest_err = fmax(all->highest_err, one->highest_err);
-}
-
 static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
                              const wh_cluster_params *params, wh_simplify_result *result)
 {
@@ -201,7 +191,7 @@ static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 		    wh_simplify(c, w->simplify, &w->micro, &inner, &one) != WH_OK)
 			return c->err.code;
 		put_back(&w->micro, p, &nf);
-		keep_extremes(result, &one);
+		wh_simplify_result_add(result, &one);
 	}
 	p->nf = nf;
 	(void)wh_patch_compact(p, w->local);
@@ -218,7 +208,7 @@ wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 	wh_simplify_result last;
 	if (wh_simplify(c, w->simplify, p, &params->all, &last) != WH_OK)
 		return c->err.code;
-	keep_extremes(result, &last);
+	wh_simplify_result_add(result, &last);
 	result->fixed = last.fixed;
 	result->exhausted = last.exhausted;
 	return WH_OK;

@@ -1,8 +1,11 @@
 /*
  * Cutting a mesh anew between two rounds. Every old cluster file holds the positions of all
  * corners of its faces, so the new home of a corner follows from its position, and no table over
- * all vertices is needed. Only vertices on the old cuts are known to several old clusters; a
- * first pass collects which new clusters use them, a second one sends faces and vertices.
+ * all vertices is needed. Only vertices on the old cuts are known to several old clusters.
+ *
+ * Each old cluster is loaded four times: for a sample of its vertices, to collect which new
+ * clusters use the old cut vertices, to send its faces, and to send its vertices. The mesh has
+ * been reduced by then; the memory is one old cluster a worker and a write buffer a new cluster.
  */
 #include "pipeline/round.h"
 

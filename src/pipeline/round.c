@@ -166,12 +166,7 @@ static void result_add(wh_round_result *sum, const wh_round_result *one)
 	sum->faces += one->faces;
 	sum->vertices += one->vertices;
 	sum->unreferenced += one->unreferenced;
-	sum->work.collapses += one->work.collapses;
-	sum->work.highest_err = fmax(sum->work.highest_err, one->work.highest_err);
-	if (one->work.highest_cost > sum->work.highest_cost) {
-		sum->work.highest_cost = one->work.highest_cost;
-		sum->work.cost_distance = one->work.cost_distance;
-	}
+	wh_simplify_result_add(&sum->work, &one->work);
 }
 
 wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,

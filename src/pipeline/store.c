@@ -1,8 +1,10 @@
 #include "pipeline/store.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define XXH_STATIC_LINKING_ONLY /* the size of its state */
@@ -223,7 +225,11 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 	if (code == WH_OK) {
 		const size_t n = (size_t)h->faces * 3 * corner_bytes(s) +
 		                 (size_t)h->vertices * wh_store_vertex_bytes(s);
-		code = wh_reserve(c, &sc->raw, &sc->raw_cap, n, 1);
+		struct stat st; /* no memory for counts that the file does not hold */
+		if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != sizeof *h + n)
+			code = damaged(c, s, name);
+		if (code == WH_OK)
+			code = wh_reserve(c, &sc->raw, &sc->raw_cap, n, 1);
 		if (code == WH_OK)
 			code = wh_spill_pread(c, s->spill, fd, sc->raw, n, sizeof *h);
 		if (code == WH_OK && XXH3_64bits(sc->raw, n) != h->checksum)
@@ -293,9 +299,13 @@ static wh_code decode_sorted(wh_ctx *c, const wh_store *s, const uint8_t *record
 	}
 	qsort(order, n, sizeof *order, compare_keyed);
 	uint32_t nv = 0;
-	for (uint32_t i = 0; i < n; i++)
-		if (i == 0 || order[i].gid != order[i - 1].gid)
-			decode_vertex(s, records + order[i].at * size, p, nv++);
+	for (uint32_t i = 0; i < n; i++) {
+		decode_vertex(s, records + order[i].at * size, p, nv);
+		if (nv > 0 && p->gid[nv] == p->gid[nv - 1])
+			p->err[nv - 1] = fmaxf(p->err[nv - 1], p->err[nv]);
+		else
+			nv++;
+	}
 	p->nv = nv;
 	wh_free(c, order);
 	return WH_OK;

@@ -20,7 +20,8 @@
  *                    vertices: global id (top bit: cut vertex), x, y, z, payload
  *
  * With global ids as corners, vertices may repeat and come in any order; every id that a face
- * uses is there. A vertex that is cut has the same bytes in every file that holds it.
+ * uses is there. A cut vertex has the same id and position in every file that holds it; its error
+ * bound may differ, and the largest holds.
  */
 #ifndef WH_PIPELINE_STORE_H
 #define WH_PIPELINE_STORE_H
