@@ -32,7 +32,7 @@ static const char help[] =
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
-    "      --cluster-faces N (262144; 0: one cluster) --micro-faces N (16384; 0: none)\n"
+    "      --cluster-faces N (262144; 0: all in one), --micro-faces N (16384; 0: none)\n"
     "      --final-faces N   (1M) from which the last pass over all may start\n";
 
 typedef struct options {
@@ -321,8 +321,9 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 	if (r->unchanged)
 		(void)fprintf(f, "the target is no smaller than the input: copied unchanged\n");
 	if (r->one_less)
-		(void)fprintf(f,
-		              "one face less than asked for: the count's parity is out of reach\n");
+		(void)fprintf(
+		    f, "%llu faces instead of %llu: a closed surface has an even number\n",
+		    (unsigned long long)r->output_faces, (unsigned long long)r->target_faces);
 	if (r->dropped[0])
 		(void)fprintf(f, "not carried over (positions and faces only): %s\n", r->dropped);
 	if (r->degenerate_faces)
