@@ -397,13 +397,29 @@ static wh_code stream_smallest(wh_ctx *c, const stream *s, uint64_t *tip)
 	return WH_OK;
 }
 
+/* A list short enough to be cut like any polygon, in an item that is long for other reasons. */
+static wh_code stream_polygon(wh_ctx *c, const stream *s)
+{
+	uint64_t *ids = wh_alloc(c, WH_POLYGON_MOST, sizeof *ids);
+	wh_code code = ids ? WH_OK : wh_failed(c);
+	for (uint64_t i = 0; code == WH_OK && i < s->values.n; i++) {
+		code = stream_value(c, s, i, &ids[i]);
+		if (code == WH_OK && ids[i] >= s->rw->source.nv)
+			code = stream_bad_index(c, s, i, ids[i]);
+	}
+	if (code == WH_OK)
+		code = wh_facer_add(c, s->facer, ids, (size_t)s->values.n);
+	wh_free(c, ids);
+	return code;
+}
+
 /* The same fan that a facer makes of a large polygon in memory. */
 static wh_code stream_fan(wh_ctx *c, const stream *s)
 {
 	uint64_t tip, last = 0, id = 0;
 	const uint64_t before = s->rw->source.nf + s->facer->out_n;
-	if (stream_smallest(c, s, &tip) != WH_OK || s->values.n == 0)
-		return c->err.code;
+	if (stream_smallest(c, s, &tip) != WH_OK)
+		return wh_failed(c);
 	if (stream_value(c, s, s->values.n - 1, &last) != WH_OK)
 		return c->err.code;
 	for (uint64_t i = 0; i < s->values.n; i++, last = id) {
@@ -427,7 +443,7 @@ static wh_code stream_face(wh_ctx *c, faces *f, const mark *m, wh_facer *facer)
 		code = hop(c, &f->l, &w, m->item, &at, &corners);
 	if (code == WH_OK) {
 		const stream s = {f->rw, &w, &f->l, corners, m->item, facer};
-		code = stream_fan(c, &s);
+		code = corners.n <= WH_POLYGON_MOST ? stream_polygon(c, &s) : stream_fan(c, &s);
 	}
 	wh_window_close(c, &w);
 	return code;
