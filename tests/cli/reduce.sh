@@ -70,7 +70,7 @@ reduce in.ply --output=c.ply --vertices 10%
 [ "$(count c.ply vertex)" -eq $((($(count in.ply vertex) + 5) / 10)) ] || fail "10 % of the vertices"
 reduce in.ply -f -o c.ply --faces 1001
 [ "$(count c.ply face)" -eq 1000 ] || fail "an odd count of a closed surface"
-grep -qi 'parity\|odd' out || fail "the missing face is not explained: $(cat out)"
+grep -q '1000 faces instead of 1001' out || fail "the missing face is not explained: $(cat out)"
 reduce in.ply -f -o c.ply --faces 1G
 cmp -s in.ply c.ply || fail "a target above the count did not copy"
 
