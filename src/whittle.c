@@ -470,12 +470,17 @@ static wh_code stitch(run *r)
 	return phase_end(r, WH_PHASE_STITCH, code);
 }
 
+static uint32_t no_more_than(uint64_t count, uint32_t most)
+{
+	return count < most ? (uint32_t)count : most;
+}
+
 static wh_code final_pass(run *r)
 {
 	wh_reduce_report *t = r->report;
 	wh_simplify_params p = engine_params(r);
-	p.target_faces = (uint32_t)t->target_faces;
-	p.target_vertices = (uint32_t)t->target_vertices;
+	p.target_faces = no_more_than(t->target_faces, r->patch.nf);
+	p.target_vertices = no_more_than(t->target_vertices, r->patch.nv);
 	p.insist = true;
 	phase_begin(r);
 	wh_progress_phase(&r->progress, "final pass", r->patch.nf);
@@ -605,8 +610,6 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 	    !(p->error > 0) && !(p->error_share > 0))
 		return wh_fail(c, WH_E_USAGE,
 		               "no target: give --faces, --vertices, --ratio or --error");
-	if (p->faces > UINT32_MAX / 3 || p->vertices > UINT32_MAX / 3)
-		return wh_fail(c, WH_E_USAGE, "targets above 1.4 G are not supported");
 	if (p->face_ratio > 1 || p->vertex_ratio > 1)
 		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
 	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)

@@ -27,8 +27,8 @@ static const char help[] =
     "      --threads N       0 (default): all this process may use\n"
     "      --temp-dir DIR    default: $SLURM_TMPDIR, $TMPDIR, beside the output\n"
     "      --ascii           text instead of binary\n"
-    "      --report FILE     what was done, as JSON; replaces the file\n"
-    "  -f, --force           write over an existing output\n"
+    "      --report FILE     what was done, as JSON\n"
+    "  -f, --force           write over an existing output and report\n"
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
@@ -279,13 +279,17 @@ static bool same_file(const char *a, const char *b)
 	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
 }
 
-/* The report may replace an older one, but neither mesh. */
+/* The report may replace an older one when asked to, but neither mesh. */
 static int check_report_name(const options *o)
 {
 	if (!o->report)
 		return WH_OK;
 	if (same_file(o->report, o->params.output) || same_file(o->report, o->params.input))
 		return cmd_usage_error("reduce", "--report '%s' is the input or the output",
+		                       o->report);
+	struct stat st;
+	if (!o->params.force && stat(o->report, &st) == 0 && S_ISREG(st.st_mode))
+		return cmd_usage_error("reduce", "--report '%s' exists already; -f replaces it",
 		                       o->report);
 	return WH_OK;
 }
