@@ -495,8 +495,8 @@ static wh_code final_pass(run *r)
 		t->nonmanifold_kept = done.fixed;
 		t->exhausted = done.exhausted && (t->target_faces || t->target_vertices) &&
 		               !isfinite(r->max_err);
-		t->one_less =
-		    t->target_faces && !t->target_vertices && r->patch.nf < t->target_faces;
+		t->one_less = t->target_faces && !t->target_vertices &&
+		              (uint64_t)r->patch.nf + 1 == t->target_faces;
 	}
 	return phase_end(r, WH_PHASE_FINAL, code);
 }
