@@ -103,7 +103,7 @@ static void put_outcome(json_t *root, const wh_reduce_report *r)
 	put_flag(t, "exhausted", r->exhausted);
 	json_t *e = put_object(root, "error");
 	put_real(e, "cost_distance", r->cost_distance);
-	put_real(e, "accumulated_bound", r->accumulated_error);
+	put_real(e, "accumulated_estimate", r->accumulated_error);
 	put_count(root, "nonmanifold_vertices_kept", r->nonmanifold_kept);
 }
 
