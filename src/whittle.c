@@ -121,7 +121,7 @@ static wh_code fit_workers(run *r, const char *what, size_t each, wh_exec *ex)
 
 /* ---- targets ------------------------------------------------------------------------------ */
 
-static uint64_t least_limit(uint64_t count, double share, uint64_t of)
+static uint64_t loosest_limit(uint64_t count, double share, uint64_t of)
 {
 	uint64_t limit = count;
 	if (share > 0) {
@@ -136,9 +136,9 @@ static uint64_t least_limit(uint64_t count, double share, uint64_t of)
 static void work_out_targets(run *r)
 {
 	const wh_reduce_params *p = r->params;
-	r->report->target_faces = least_limit(p->faces, p->face_ratio, r->report->input_faces);
+	r->report->target_faces = loosest_limit(p->faces, p->face_ratio, r->report->input_faces);
 	r->report->target_vertices =
-	    least_limit(p->vertices, p->vertex_ratio, r->report->input_vertices);
+	    loosest_limit(p->vertices, p->vertex_ratio, r->report->input_vertices);
 }
 
 static double larger_of(double a, double b)

@@ -46,4 +46,15 @@ static inline uint32_t wh_kdtree_cell(const wh_kdtree *t, const wh_vec3 *p)
 	return t->node[i].right;
 }
 
+/* The cell of a triangle whose corners lie in cells a, b and d: that of most corners; the least of
+ * three different ones. */
+static inline uint32_t wh_kdtree_majority(uint32_t a, uint32_t b, uint32_t d)
+{
+	if (a == b || a == d)
+		return a;
+	if (b == d)
+		return b;
+	return a < b ? (a < d ? a : d) : (b < d ? b : d);
+}
+
 #endif

@@ -86,7 +86,7 @@ static size_t sample_size(uint32_t clusters)
 
 /* ---- pass 1: bounds and sample ------------------------------------------------------------ */
 
-static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
+static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
@@ -106,7 +106,7 @@ static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-static wh_code survey_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	const bench *b = &g->worker[worker];
@@ -219,16 +219,6 @@ static wh_code parcel_deliver(wh_ctx *c, ingest *g, const parcel *p, bool are_fa
 
 /* ---- pass 3: faces ------------------------------------------------------------------------ */
 
-/* The cell of most corners; the least of three different ones. */
-static uint32_t face_cluster(uint32_t a, uint32_t b, uint32_t d)
-{
-	if (a == b || a == d)
-		return a;
-	if (b == d)
-		return b;
-	return a < b ? (a < d ? a : d) : (b < d ? b : d);
-}
-
 static int compare_visits(const void *x, const void *y)
 {
 	const visit *a = x, *b = y;
@@ -284,7 +274,7 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 			continue;
 		}
 		const uint32_t home[3] = {g->home[t[0]], g->home[t[1]], g->home[t[2]]};
-		const uint32_t k = face_cluster(home[0], home[1], home[2]);
+		const uint32_t k = wh_kdtree_majority(home[0], home[1], home[2]);
 		put_face(g->store, b->out.bytes + b->out.n * b->out.size, t);
 		b->out.cluster[b->out.n++] = k;
 		for (int j = 0; j < 3; j++)
@@ -444,7 +434,7 @@ static wh_code partition(wh_ctx *c, const wh_exec *ex, ingest *g)
 	const int64_t n = chunks_of(g->src->nv);
 	g->stride = g->src->nv / sample_size(g->clusters) + 1;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
-	if (wh_exec_ordered(c, ex, n, survey_job, survey_commit, g) != WH_OK)
+	if (wh_exec_ordered(c, ex, n, bounds_job, bounds_commit, g) != WH_OK)
 		return c->err.code;
 	g->result->origin = choose_origin(g->src, g->result);
 	if (wh_kdtree_build(c, &g->tree, g->sample, g->samples, g->clusters, 0.5) != WH_OK)

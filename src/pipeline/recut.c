@@ -60,15 +60,6 @@ typedef struct recut {
 
 /* ---- where things go ---------------------------------------------------------------------- */
 
-static uint32_t face_cluster(uint32_t a, uint32_t b, uint32_t d)
-{
-	if (a == b || a == d)
-		return a;
-	if (b == d)
-		return b;
-	return a < b ? (a < d ? a : d) : (b < d ? b : d);
-}
-
 static wh_code fit(wh_ctx *c, recut_hand *h)
 {
 	const size_t nv = h->patch.nv, nf = h->patch.nf;
@@ -93,7 +84,8 @@ static wh_code load_and_place(wh_ctx *c, const recut *r, recut_hand *h, uint32_t
 	}
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
-		const uint32_t cell = face_cluster(h->home[t[0]], h->home[t[1]], h->home[t[2]]);
+		const uint32_t cell =
+		    wh_kdtree_majority(h->home[t[0]], h->home[t[1]], h->home[t[2]]);
 		h->cell[f] = cell;
 		for (int j = 0; j < 3; j++) {
 			uint32_t *u = &h->user[t[j]];
