@@ -82,7 +82,7 @@ typedef struct wh_reduce_report {
 	bool exhausted;            /* stopped above the target: nothing legal was left */
 	uint64_t nonmanifold_kept; /* vertices locked because they are not manifold */
 	double cost_distance;      /* cost of the dearest collapse, as a distance */
-	double accumulated_error;  /* bound of the accumulated distance, worst vertex */
+	double accumulated_error;  /* estimated distance of the worst vertex; 0 without a limit */
 
 	uint64_t clusters, cut_vertices; /* of the first partition */
 	uint64_t rounds;

@@ -1,23 +1,5 @@
 # whittle generate and whittle info: counts, determinism, refusals.
-set -u
-dir=$(mktemp -d) || exit 1
-trap 'rm -rf "$dir"' EXIT
-cd "$dir" || exit 1
-failures=0
-
-fail() {
-	echo "FAILED: $*"
-	failures=$((failures + 1))
-}
-
-# expect STATUS COMMAND...: runs it, keeps its words in out and err
-expect() {
-	local want=$1 got
-	shift
-	"$@" >out 2>err
-	got=$?
-	[ "$got" -eq "$want" ] || fail "status $got instead of $want: $* ($(cat err))"
-}
+. "$(dirname "$0")/lib.sh"
 
 same() {
 	cmp -s "$1" "$2" || fail "$1 and $2 differ"

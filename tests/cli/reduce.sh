@@ -1,30 +1,13 @@
 # whittle reduce: exit statuses and messages, outputs of every kind, interruption, full disks.
-set -u
-dir=$(mktemp -d) || exit 1
+. "$(dirname "$0")/lib.sh"
 mounted=
 cleanup() {
 	[ -z "$mounted" ] || umount "$mounted"
 	rm -rf "$dir"
 }
 trap cleanup EXIT
-cd "$dir" || exit 1
 mkdir temp
 export TMPDIR=$dir/temp
-failures=0
-
-fail() {
-	echo "FAILED: $*"
-	failures=$((failures + 1))
-}
-
-# expect STATUS COMMAND...: runs it, keeps its words in out and err
-expect() {
-	local want=$1 got
-	shift
-	"$@" >out 2>err
-	got=$?
-	[ "$got" -eq "$want" ] || fail "status $got instead of $want: $* ($(cat err))"
-}
 
 # refuse STATUS WORDS ARGUMENTS...: reduce fails so, says so, and leaves nothing
 refuse() {

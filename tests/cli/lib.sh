@@ -1,0 +1,21 @@
+# What the command-line tests share: a scratch folder to work in, and checks that count failures.
+# Source it first; end with the failures.
+set -u
+dir=$(mktemp -d) || exit 1
+trap 'rm -rf "$dir"' EXIT
+cd "$dir" || exit 1
+failures=0
+
+fail() {
+	echo "FAILED: $*"
+	failures=$((failures + 1))
+}
+
+# expect STATUS COMMAND...: runs it, keeps its words in out and err
+expect() {
+	local want=$1 got
+	shift
+	"$@" >out 2>err
+	got=$?
+	[ "$got" -eq "$want" ] || fail "status $got instead of $want: $* ($(cat err))"
+}
