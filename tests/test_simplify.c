@@ -372,29 +372,32 @@ static void the_cost_limit_holds(void **state)
 	assert_true(last < 400);
 }
 
-/* What was collapsed at what cost is what the histogram says. */
-static void the_histogram_counts_every_collapse(void **state)
+/* What was collapsed at what cost, and how many faces went, is what the log says. */
+static void the_log_counts_every_collapse(void **state)
 {
 	(void)state;
-	uint64_t *h = calloc(WH_HIST_BINS, sizeof *h);
-	assert_non_null(h);
+	wh_cost_log *log = calloc(1, sizeof *log);
+	assert_non_null(log);
 	fixture f;
 	grid(&f, 30, 30, 0.02, 2);
 	wh_simplify_params p = no_limits();
-	p.histogram = h;
+	p.log = log;
 	p.target_faces = 100;
+	const uint32_t before = f.p.nf;
 	reduce_with(&f, &p);
-	uint64_t sum = 0;
-	int last = -1;
-	for (int b = 0; b < WH_HIST_BINS; b++)
-		if (h[b]) {
-			sum += h[b];
+	uint64_t collapses = 0, faces = 0;
+	uint32_t last = 0;
+	for (uint32_t b = 0; b < WH_LOG_BINS; b++)
+		if (log->collapses[b]) {
+			collapses += log->collapses[b];
+			faces += log->faces[b];
 			last = b;
 		}
-	assert_int_equal(sum, f.done.collapses);
-	assert_true(f.done.highest_cost < wh_histogram_cost(last));
-	assert_true(f.done.highest_cost >= wh_histogram_cost(last - 1));
-	free(h);
+	assert_int_equal(collapses, f.done.collapses);
+	assert_int_equal(faces, before - f.p.nf);
+	assert_true(f.done.highest_cost < wh_log_cost(last));
+	assert_true(f.done.highest_cost >= wh_log_cost(last - 1));
+	free(log);
 	drop(&f);
 }
 
@@ -1123,7 +1126,7 @@ int main(void)
 	    cmocka_unit_test(the_first_limit_stops),
 	    cmocka_unit_test(a_target_above_the_count_changes_nothing),
 	    cmocka_unit_test(the_cost_limit_holds),
-	    cmocka_unit_test(the_histogram_counts_every_collapse),
+	    cmocka_unit_test(the_log_counts_every_collapse),
 	    cmocka_unit_test(a_flat_square_keeps_its_corners_alone),
 	    cmocka_unit_test(gentle_relief_never_folds),
 	    cmocka_unit_test(few_faces_of_steep_noise_turn_over),

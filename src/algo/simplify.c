@@ -156,8 +156,10 @@ static wh_code classify(wh_engine *e, uint32_t v)
 	*flag &= (uint8_t) ~(WH_BORDER | WH_HUB);
 	if (e->w->count[v] > MOST_FACES_AROUND)
 		*flag |= WH_HUB;
-	if (ring_has_boundary(r))
+	if (ring_has_boundary(r)) {
 		*flag |= WH_BORDER;
+		e->result->border++;
+	}
 	if (!manifold || (r->n > 0 && !one_fan(e, v, r))) {
 		if (!(*flag & WH_FIXED))
 			e->result->fixed++;
@@ -266,10 +268,12 @@ static void note_collapse(wh_engine *e, const wh_collapse *k, double err)
 		e->highest_weight = k->weight;
 	}
 	r->highest_err = fmax(r->highest_err, err);
-	if (e->params->histogram) {
+	if (e->params->log) {
 		int64_t bits;
 		memcpy(&bits, &r->highest_cost, sizeof bits);
-		e->params->histogram[bits >> (52 - WH_HIST_MANTISSA)]++;
+		const int64_t bin = bits >> (52 - WH_LOG_MANTISSA);
+		e->params->log->collapses[bin]++;
+		e->params->log->faces[bin] += k->nshared;
 	}
 }
 
@@ -391,6 +395,8 @@ static wh_code drain(wh_engine *e)
 	if (reached(e) || !have_spare)
 		return WH_OK;
 	/* One face too many, and no boundary edge to take it: one less then. */
+	if (e->params->no_overshoot)
+		return WH_OK;
 	verdict found;
 	return try_candidate(e, &spare, WH_QUEUE_BUCKETS, true, &found);
 }
@@ -495,9 +501,9 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	return WH_OK;
 }
 
-double wh_histogram_cost(int bin)
+double wh_log_cost(uint32_t bin)
 {
-	const int64_t bits = ((int64_t)bin + 1) << (52 - WH_HIST_MANTISSA);
+	const int64_t bits = ((int64_t)bin + 1) << (52 - WH_LOG_MANTISSA);
 	double cost;
 	memcpy(&cost, &bits, sizeof cost);
 	return cost;

@@ -9,8 +9,15 @@
 
 #include "mesh/patch.h"
 
-/* Cost histogram of a survey: sixteen bins to every power of two, over all doubles >= 0. */
-enum { WH_HIST_MANTISSA = 4, WH_HIST_BINS = 2048 << WH_HIST_MANTISSA };
+/* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. A collapse
+ * counts at the highest cost so far, so that bins fill in ascending order: the collapses below a
+ * bin are the first ones of the run. */
+enum { WH_LOG_MANTISSA = 4, WH_LOG_BINS = 2048 << WH_LOG_MANTISSA };
+
+typedef struct wh_cost_log {
+	uint32_t collapses[WH_LOG_BINS];
+	uint32_t faces[WH_LOG_BINS]; /* that they took away */
+} wh_cost_log;
 
 typedef struct wh_simplify_params {
 	uint32_t target_faces;    /* stop at or below this many faces; 0: no limit */
@@ -20,7 +27,9 @@ typedef struct wh_simplify_params {
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
 	bool float_positions; /* new positions are rounded to float */
 	bool insist;          /* out of candidates, look at all edges again while that helps */
-	uint64_t *histogram;  /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
+	bool no_overshoot;    /* where only one face is left to go and no boundary edge to take it,
+	                         stop one above the target instead of one below */
+	wh_cost_log *log;     /* is added to; NULL: no log */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {
@@ -30,6 +39,7 @@ typedef struct wh_simplify_result {
 	double cost_distance; /* the highest cost as a distance: sqrt(cost / weight of its faces) */
 	bool exhausted;       /* stopped because no legal collapse was left within the limits */
 	uint32_t fixed;       /* non-manifold vertices found and kept */
+	uint32_t border;      /* boundary vertices found at the start */
 } wh_simplify_result;
 
 /* Adds what another run did: sums and extremes. `exhausted` and `fixed` stay. */
@@ -59,7 +69,7 @@ size_t wh_simplify_bytes(uint64_t nv, uint64_t nf);
 wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simplify_params *params,
                     wh_simplify_result *result);
 
-/* Upper end of a histogram bin, as a cost. */
-double wh_histogram_cost(int bin);
+/* Upper end of a bin of the log, as a cost. */
+double wh_log_cost(uint32_t bin);
 
 #endif

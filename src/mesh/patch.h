@@ -15,6 +15,7 @@ enum {
 	WH_FIXED = 2,  /* locked for good: non-manifold, or a boundary the user wants kept */
 	WH_BORDER = 4, /* on a true boundary edge of the surface */
 	WH_HUB = 8,    /* locked while it has very many faces */
+	WH_NEVER = 16, /* a cut vertex that was one in every round so far: it never was free */
 	WH_LOCKED = WH_CUT | WH_FIXED | WH_HUB
 };
 

@@ -224,7 +224,7 @@ wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_work *w, wh_patch *p, uint32_t p
 		return c->err.code;
 	pieces = pieces < cells ? pieces : cells;
 	wh_simplify_params inner = *params;
-	inner.histogram = survey->histogram;
+	inner.log = survey->log;
 	for (uint32_t i = 0; i < pieces; i++) {
 		const uint32_t k =
 		    (uint32_t)((2 * (uint64_t)i + 1) * cells / (2 * (uint64_t)pieces));

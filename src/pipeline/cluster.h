@@ -30,7 +30,7 @@ wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 
 /* What a survey adds up. */
 typedef struct wh_survey {
-	uint64_t *histogram;    /* WH_HIST_BINS */
+	wh_cost_log *log;
 	uint64_t free_vertices; /* that could have been collapsed */
 } wh_survey;
 

@@ -323,7 +323,8 @@ static wh_code send_vertex(wh_ctx *c, ingest *g, parcel *out, uint32_t cluster, 
 {
 	if (parcel_room(c, out) != WH_OK)
 		return c->err.code;
-	(void)wh_store_put_vertex(g->store, out->bytes + out->n * out->size, gid, cut, p, 0);
+	(void)wh_store_put_vertex(g->store, out->bytes + out->n * out->size, gid,
+	                          cut ? WH_CUT | WH_NEVER : 0, p, 0);
 	out->cluster[out->n++] = cluster;
 	return WH_OK;
 }
@@ -482,7 +483,7 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 {
 	*result = (wh_ingest_result){0};
 	store->clusters = params->clusters;
-	store->id_bytes = src->nv < (uint64_t)1 << 31 ? 4 : 8;
+	store->id_bytes = src->nv < (uint64_t)1 << 30 ? 4 : 8;
 	store->coord_bytes = src->is_double ? 8 : 4;
 	store->vertex_payload = 0;
 	store->local_corners = false;

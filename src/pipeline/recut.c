@@ -20,7 +20,14 @@ enum { SAMPLE = 256 * 1024 };
 typedef struct use {
 	uint64_t gid;
 	uint32_t cluster;
+	uint8_t flag; /* the vertex's */
 } use;
+
+/* A vertex that was cut before and is cut again. */
+typedef struct again {
+	uint64_t gid;
+	uint8_t flag; /* it has now */
+} again;
 
 typedef struct uses {
 	use *item;
@@ -53,8 +60,9 @@ typedef struct recut {
 	size_t samples, sample_cap;
 	uint64_t stride, passed; /* every stride-th vertex is in the sample */
 	uses old_cut;            /* sorted, unique, once collected */
-	uint64_t *cut;           /* gids used by several new clusters, ascending */
+	again *cut;              /* used by several new clusters, ascending */
 	size_t cuts, cut_cap;
+	uint64_t never; /* of them, cut in every round so far */
 	wh_store_writer *writer;
 } recut;
 
@@ -119,24 +127,22 @@ static wh_code sample_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-static wh_code build_tree(wh_ctx *c, const wh_exec *ex, recut *r, double skew)
+static wh_code take_sample(wh_ctx *c, const wh_exec *ex, recut *r)
 {
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(c, r->from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	r->stride = vertices / SAMPLE + 1;
-	if (wh_exec_ordered(c, ex, r->from->clusters, sample_job, sample_commit, r) != WH_OK)
-		return c->err.code;
-	return wh_kdtree_build(c, &r->tree, r->sample, r->samples, r->to->clusters, skew);
+	return wh_exec_ordered(c, ex, r->from->clusters, sample_job, sample_commit, r);
 }
 
 /* ---- pass 1: which old cut vertices are cut again ----------------------------------------- */
 
-static wh_code uses_add(wh_ctx *c, uses *u, uint64_t gid, uint32_t cluster)
+static wh_code uses_add(wh_ctx *c, uses *u, use one)
 {
 	if (wh_reserve(c, &u->item, &u->cap, u->n + 1, sizeof *u->item) != WH_OK)
 		return c->err.code;
-	u->item[u->n++] = (use){gid, cluster};
+	u->item[u->n++] = one;
 	return WH_OK;
 }
 
@@ -149,7 +155,8 @@ static wh_code collect_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const wh_patch *p = &h->patch;
 	h->found.n = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
-		if ((p->flag[v] & WH_CUT) && uses_add(c, &h->found, p->gid[v], h->user[v]) != WH_OK)
+		if ((p->flag[v] & WH_CUT) &&
+		    uses_add(c, &h->found, (use){p->gid[v], h->user[v], p->flag[v]}) != WH_OK)
 			return c->err.code;
 	return WH_OK;
 }
@@ -160,7 +167,7 @@ static wh_code collect_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	recut *r = arg;
 	const uses *u = &r->hands[worker].found;
 	for (size_t i = 0; i < u->n; i++)
-		if (uses_add(c, &r->old_cut, u->item[i].gid, u->item[i].cluster) != WH_OK)
+		if (uses_add(c, &r->old_cut, u->item[i]) != WH_OK)
 			return c->err.code;
 	return WH_OK;
 }
@@ -188,24 +195,26 @@ static wh_code find_cut_again(wh_ctx *c, recut *r)
 			if (wh_reserve(c, &r->cut, &r->cut_cap, r->cuts + 1, sizeof *r->cut) !=
 			    WH_OK)
 				return c->err.code;
-			r->cut[r->cuts++] = u->item[i].gid;
+			r->cut[r->cuts++] = (again){u->item[i].gid, u->item[i].flag};
+			r->never += (u->item[i].flag & WH_NEVER) != 0;
 		}
 		i = end;
 	}
 	return WH_OK;
 }
 
-static bool is_cut_again(const recut *r, uint64_t gid)
+/* The new flags of an old cut vertex. */
+static uint8_t flag_again(const recut *r, uint64_t gid)
 {
 	size_t lo = 0, hi = r->cuts;
 	while (lo < hi) {
 		const size_t mid = lo + (hi - lo) / 2;
-		if (r->cut[mid] < gid)
+		if (r->cut[mid].gid < gid)
 			lo = mid + 1;
 		else
 			hi = mid;
 	}
-	return lo < r->cuts && r->cut[lo] == gid;
+	return lo < r->cuts && r->cut[lo].gid == gid ? r->cut[lo].flag : 0;
 }
 
 /* ---- pass 2 and 3: faces, then vertices --------------------------------------------------- */
@@ -259,10 +268,11 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code send_vertex(wh_ctx *c, recut *r, const recut_hand *h, uint32_t v, uint32_t k)
 {
 	const wh_patch *p = &h->patch;
-	const bool cut = p->flag[v] & WH_CUT ? is_cut_again(r, p->gid[v]) : h->user[v] == SEVERAL;
+	const uint8_t fresh = h->user[v] == SEVERAL ? WH_CUT : 0;
+	const uint8_t flag = p->flag[v] & WH_CUT ? flag_again(r, p->gid[v]) : fresh;
 	uint8_t record[64];
 	const uint8_t *end =
-	    wh_store_put_vertex(r->to, record, p->gid[v], cut, p->pos[v], p->err[v]);
+	    wh_store_put_vertex(r->to, record, p->gid[v], flag, p->pos[v], p->err[v]);
 	r->writer[k].vertices++;
 	return wh_store_append(c, r->to, k, &r->writer[k], record, (size_t)(end - record));
 }
@@ -333,8 +343,33 @@ static void hands_free(wh_ctx *c, recut *r, int workers)
 	wh_free(c, r->hands);
 }
 
+static wh_code cut_once(wh_ctx *c, const wh_exec *ex, recut *r, double skew)
+{
+	wh_kdtree_free(c, &r->tree);
+	r->old_cut.n = r->cuts = 0;
+	r->never = 0;
+	if (wh_kdtree_build(c, &r->tree, r->sample, r->samples, r->to->clusters, skew) != WH_OK ||
+	    wh_exec_ordered(c, ex, r->from->clusters, collect_job, collect_commit, r) != WH_OK)
+		return c->err.code;
+	return find_cut_again(c, r);
+}
+
+/* Where the curves of three partitions meet in one vertex, it has been cut in all of them. That is
+ * rare: with other cuts it will not be so. */
+static wh_code find_cuts(wh_ctx *c, const wh_exec *ex, recut *r, const wh_recut_params *p)
+{
+	static const double shift[] = {0, 0.07, -0.06, 0.13, -0.11, 0.03};
+	wh_code code = WH_OK;
+	for (size_t i = 0; i < sizeof shift / sizeof *shift; i++) {
+		code = cut_once(c, ex, r, p->skew + shift[i]);
+		if (code != WH_OK || !p->free_all || r->never == 0)
+			break;
+	}
+	return code;
+}
+
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, double skew, size_t buffer)
+                       wh_store *to, const wh_recut_params *params, uint64_t *never_free)
 {
 	to->id_bytes = from->id_bytes;
 	to->coord_bytes = from->coord_bytes;
@@ -347,13 +382,12 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	if (code == WH_OK)
 		code = hands_make(c, &r, ex->workers);
 	if (code == WH_OK)
-		code = build_tree(c, ex, &r, skew);
+		code = take_sample(c, ex, &r);
 	if (code == WH_OK)
-		code = wh_exec_ordered(c, ex, from->clusters, collect_job, collect_commit, &r);
+		code = find_cuts(c, ex, &r, params);
 	if (code == WH_OK)
-		code = find_cut_again(c, &r);
-	if (code == WH_OK)
-		code = distribute(c, ex, &r, buffer);
+		code = distribute(c, ex, &r, params->buffer);
+	*never_free = r.never;
 	for (uint32_t k = 0; r.writer && k < to->clusters; k++)
 		wh_store_drop(c, &r.writer[k]);
 	wh_free(c, r.writer);

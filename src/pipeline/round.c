@@ -1,32 +1,8 @@
 #include "pipeline/round.h"
 
+#include "pipeline/hand.h"
+
 #include <string.h>
-
-/* What one worker needs. */
-typedef struct hand {
-	wh_store_scratch scratch;
-	wh_patch patch;
-	wh_cluster_work *work;
-} hand;
-
-static hand *hands_make(wh_ctx *c, int workers)
-{
-	hand *h = wh_calloc(c, (size_t)workers, sizeof *h);
-	for (int i = 0; h && i < workers; i++)
-		h[i].work =
-		    wh_cluster_work_new(c); /* a failure is recorded and seen by the caller */
-	return h;
-}
-
-static void hands_free(wh_ctx *c, hand *h, int workers)
-{
-	for (int i = 0; h && i < workers; i++) {
-		wh_store_scratch_free(c, &h[i].scratch);
-		wh_patch_free(c, &h[i].patch);
-		wh_cluster_work_free(c, h[i].work);
-	}
-	wh_free(c, h);
-}
 
 /* ---- survey ------------------------------------------------------------------------------- */
 
@@ -35,7 +11,7 @@ enum { SURVEY_CLUSTERS = 16, SURVEY_LEAST = 4, SURVEY_SHARE = 32 };
 typedef struct survey_run {
 	const wh_store *store;
 	wh_progress *progress;
-	hand *hands;
+	wh_hand *hands;
 	const wh_simplify_params *params;
 	uint32_t piece_faces;
 	uint32_t samples; /* clusters surveyed */
@@ -52,7 +28,7 @@ static uint32_t survey_cluster(const survey_run *r, int64_t index)
 static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const survey_run *r = arg;
-	hand *h = &r->hands[worker];
+	wh_hand *h = &r->hands[worker];
 	if (wh_store_load(c, r->store, survey_cluster(r, index), &h->scratch, &h->patch) != WH_OK ||
 	    wh_cluster_survey(c, h->work, &h->patch, r->piece_faces, r->pieces, r->params,
 	                      &r->part[index]) != WH_OK)
@@ -81,7 +57,7 @@ static wh_code survey_parts(wh_ctx *c, survey_run *r)
 {
 	r->part = wh_calloc(c, r->samples, sizeof *r->part);
 	for (uint32_t i = 0; r->part && i < r->samples; i++)
-		if (!(r->part[i].histogram = wh_calloc(c, WH_HIST_BINS, sizeof(uint64_t))))
+		if (!(r->part[i].log = wh_calloc(c, 1, sizeof(wh_cost_log))))
 			break;
 	return c->err.code;
 }
@@ -90,8 +66,8 @@ static void survey_sum(const survey_run *r, wh_survey *survey)
 {
 	for (uint32_t i = 0; i < r->samples; i++) {
 		survey->free_vertices += r->part[i].free_vertices;
-		for (int b = 0; b < WH_HIST_BINS; b++)
-			survey->histogram[b] += r->part[i].histogram[b];
+		for (uint32_t b = 0; b < WH_LOG_BINS; b++)
+			survey->log->collapses[b] += r->part[i].log->collapses[b];
 	}
 }
 
@@ -103,16 +79,16 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	if (survey_size(c, &r) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "survey", r.samples);
-	r.hands = hands_make(c, ex->workers);
+	r.hands = wh_hands_make(c, ex->workers);
 	wh_code code = survey_parts(c, &r);
 	if (code == WH_OK)
 		code = wh_exec_for(c, ex, r.samples, survey_job, &r);
 	if (code == WH_OK)
 		survey_sum(&r, survey);
 	for (uint32_t i = 0; r.part && i < r.samples; i++)
-		wh_free(c, r.part[i].histogram);
+		wh_free(c, r.part[i].log);
 	wh_free(c, r.part);
-	hands_free(c, r.hands, ex->workers);
+	wh_hands_free(c, r.hands, ex->workers);
 	return code;
 }
 
@@ -120,16 +96,16 @@ double wh_survey_cost(const wh_survey *survey, double keep)
 {
 	const double gone = (1.0 - keep) * (double)survey->free_vertices;
 	uint64_t sum = 0;
-	int last = 0;
-	for (int b = 0; b < WH_HIST_BINS; b++) {
-		if (survey->histogram[b] == 0)
+	uint32_t last = 0;
+	for (uint32_t b = 0; b < WH_LOG_BINS; b++) {
+		if (survey->log->collapses[b] == 0)
 			continue;
-		sum += survey->histogram[b];
+		sum += survey->log->collapses[b];
 		if ((double)sum > gone) /* this bin would take too many: the one before it */
-			return wh_histogram_cost(last);
+			return wh_log_cost(last);
 		last = b;
 	}
-	return wh_histogram_cost(last);
+	return wh_log_cost(last);
 }
 
 /* ---- decimation --------------------------------------------------------------------------- */
@@ -137,7 +113,7 @@ double wh_survey_cost(const wh_survey *survey, double keep)
 typedef struct reduce_run {
 	const wh_store *from, *to;
 	wh_progress *progress;
-	hand *hands;
+	wh_hand *hands;
 	const wh_cluster_params *params;
 	wh_round_result *part; /* one for each cluster */
 } reduce_run;
@@ -145,7 +121,7 @@ typedef struct reduce_run {
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const reduce_run *r = arg;
-	hand *h = &r->hands[worker];
+	wh_hand *h = &r->hands[worker];
 	const uint32_t k = (uint32_t)index;
 	wh_round_result *out = &r->part[index];
 	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
@@ -161,7 +137,7 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-static void result_add(wh_round_result *sum, const wh_round_result *one)
+void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)
 {
 	sum->faces += one->faces;
 	sum->vertices += one->vertices;
@@ -182,16 +158,16 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	to->local_corners = true;
 	wh_progress_phase(progress, "decimate", faces);
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
-	r.hands = hands_make(c, ex->workers);
+	r.hands = wh_hands_make(c, ex->workers);
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	wh_code code = c->err.code;
 	if (code == WH_OK)
 		code = wh_exec_for(c, ex, from->clusters, reduce_job, &r);
 	*result = (wh_round_result){0};
 	for (uint32_t k = 0; code == WH_OK && k < from->clusters; k++)
-		result_add(result, &r.part[k]);
+		wh_round_result_add(result, &r.part[k]);
 	wh_free(c, r.part);
-	hands_free(c, r.hands, ex->workers);
+	wh_hands_free(c, r.hands, ex->workers);
 	return code;
 }
 

@@ -16,9 +16,12 @@ typedef struct wh_round_result {
 	wh_simplify_result work;
 } wh_round_result;
 
+/* Adds what another cluster or round did. */
+void wh_round_result_add(wh_round_result *sum, const wh_round_result *one);
+
 /*
  * Fits a survey to a share of all pieces of the store (fixed places, at most one in 32 and no
- * fewer than four): the histogram of what collapses cost and the number of vertices it is out of.
+ * fewer than four): the log of what collapses cost and the number of vertices it is out of.
  */
 wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
                         uint32_t piece_faces, const wh_simplify_params *params, wh_survey *survey);
@@ -31,12 +34,19 @@ double wh_survey_cost(const wh_survey *survey, double keep);
 wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                         wh_store *to, const wh_cluster_params *params, wh_round_result *result);
 
+typedef struct wh_recut_params {
+	double skew;   /* in (0, 1): share of the cells left of each cut; another one, other cuts */
+	size_t buffer; /* bytes of write buffer a cluster */
+	bool free_all; /* try other cuts until no vertex is left that was cut in every round */
+} wh_recut_params;
+
 /*
  * Cuts the mesh of `from` into `to->clusters` other clusters. Local corners become global ids;
- * vertices that only one new cluster uses are free again.
+ * vertices that only one new cluster uses are free again. *never_free: those that were cut in
+ * every round so far, and are in the next one.
  */
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, double skew, size_t buffer);
+                       wh_store *to, const wh_recut_params *params, uint64_t *never_free);
 
 /* Removes all cluster files of a store. */
 void wh_round_remove(const wh_store *store);

@@ -10,7 +10,7 @@
 #define XXH_STATIC_LINKING_ONLY /* the size of its state */
 #include <xxhash.h>
 
-enum { VERSION = 1, NAME_BYTES = 64 };
+enum { VERSION = 2, NAME_BYTES = 64 };
 static const char MAGIC[8] = {'W', 'H', 'C', 'L', 'U', 'S', 'T', '1'};
 
 typedef struct header {
@@ -21,8 +21,8 @@ typedef struct header {
 
 _Static_assert(sizeof(header) == 64, "the header has the documented size");
 
-static const uint64_t CUT64 = (uint64_t)1 << 63;
-static const uint32_t CUT32 = (uint32_t)1 << 31;
+/* The top two bits of a stored id hold flags. */
+enum { ID_BITS32 = 30, ID_BITS64 = 62 };
 
 static void file_name(const wh_store *s, uint32_t cluster, bool part, char name[NAME_BYTES])
 {
@@ -127,14 +127,15 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w)
 	w->hash = NULL;
 }
 
-uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, bool cut, wh_vec3 pos,
-                             float err)
+uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
+                             wh_vec3 pos, float err)
 {
+	const unsigned bits = (flag & WH_CUT ? 2U : 0U) | (flag & WH_NEVER ? 1U : 0U);
 	if (s->id_bytes == 4) {
-		const uint32_t id = (uint32_t)gid | (cut ? CUT32 : 0);
+		const uint32_t id = (uint32_t)gid | bits << ID_BITS32;
 		memcpy(at, &id, 4);
 	} else {
-		const uint64_t id = gid | (cut ? CUT64 : 0);
+		const uint64_t id = gid | (uint64_t)bits << ID_BITS64;
 		memcpy(at, &id, 8);
 	}
 	at += s->id_bytes;
@@ -155,8 +156,8 @@ static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_
 {
 	uint8_t record[64];
 	for (uint32_t v = 0; v < p->nv; v++) {
-		const uint8_t *end = wh_store_put_vertex(s, record, p->gid[v], p->flag[v] & WH_CUT,
-		                                         p->pos[v], p->err[v]);
+		const uint8_t *end =
+		    wh_store_put_vertex(s, record, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
 		if (wh_store_append(c, s, cluster, w, record, (size_t)(end - record)) != WH_OK)
 			return c->err.code;
 	}
@@ -239,25 +240,27 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 	return code;
 }
 
-static uint64_t record_gid(const wh_store *s, const uint8_t *at, bool *cut)
+static uint64_t record_gid(const wh_store *s, const uint8_t *at, uint8_t *flag)
 {
-	if (s->id_bytes == 4) {
-		uint32_t id;
-		memcpy(&id, at, 4);
-		*cut = (id & CUT32) != 0;
-		return id & ~CUT32;
-	}
 	uint64_t id;
-	memcpy(&id, at, 8);
-	*cut = (id & CUT64) != 0;
-	return id & ~CUT64;
+	unsigned bits;
+	if (s->id_bytes == 4) {
+		uint32_t narrow;
+		memcpy(&narrow, at, 4);
+		bits = narrow >> ID_BITS32;
+		id = narrow & (((uint32_t)1 << ID_BITS32) - 1);
+	} else {
+		memcpy(&id, at, 8);
+		bits = (unsigned)(id >> ID_BITS64);
+		id &= ((uint64_t)1 << ID_BITS64) - 1;
+	}
+	*flag = (uint8_t)((bits & 2 ? WH_CUT : 0) | (bits & 1 ? WH_NEVER : 0));
+	return id;
 }
 
 static void decode_vertex(const wh_store *s, const uint8_t *at, wh_patch *p, uint32_t v)
 {
-	bool cut;
-	p->gid[v] = record_gid(s, at, &cut);
-	p->flag[v] = cut ? WH_CUT : 0;
+	p->gid[v] = record_gid(s, at, &p->flag[v]);
 	at += s->id_bytes;
 	if (s->coord_bytes == 4) {
 		float xyz[3];
@@ -294,8 +297,8 @@ static wh_code decode_sorted(wh_ctx *c, const wh_store *s, const uint8_t *record
 	if (!order)
 		return c->err.code;
 	for (uint32_t i = 0; i < n; i++) {
-		bool cut;
-		order[i] = (keyed){record_gid(s, records + i * size, &cut), i};
+		uint8_t flag;
+		order[i] = (keyed){record_gid(s, records + i * size, &flag), i};
 	}
 	qsort(order, n, sizeof *order, compare_keyed);
 	uint32_t nv = 0;

@@ -6,7 +6,7 @@
  *
  *     offset  bytes  content
  *          0      8  "WHCLUST1"
- *          8      4  version of the layout: 1
+ *          8      4  version of the layout: 2
  *         12      4  bytes of a global id: 4 or 8
  *         16      4  bytes of a coordinate: 4 or 8
  *         20      4  bytes of payload a vertex carries after its position (the error bound: 0 or 4)
@@ -17,7 +17,8 @@
  *         48      8  XXH3 of everything after the header
  *         56      8  zero
  *         64         faces: three corners each
- *                    vertices: global id (top bit: cut vertex), x, y, z, payload
+ *                    vertices: global id (top bit: cut vertex, next bit: never free so far),
+ *                    x, y, z, payload
  *
  * With global ids as corners, vertices may repeat and come in any order; every id that a face
  * uses is there. A cut vertex has the same id and position in every file that holds it; its error
@@ -34,7 +35,7 @@ typedef struct wh_store {
 	wh_spill *spill;
 	uint32_t generation; /* 0 for what ingest writes, then one more for every round */
 	uint32_t clusters;
-	uint32_t id_bytes;    /* 4 while all ids are below 2^31 */
+	uint32_t id_bytes;    /* 4 while all ids are below 2^30 */
 	uint32_t coord_bytes; /* 4: positions are floats */
 	uint32_t vertex_payload;
 	bool local_corners;
@@ -65,9 +66,9 @@ static inline size_t wh_store_vertex_bytes(const wh_store *s)
 	return s->id_bytes + 3 * (size_t)s->coord_bytes + s->vertex_payload;
 }
 
-/* Encodes one vertex record; returns the byte after it. */
-uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, bool cut, wh_vec3 pos,
-                             float err);
+/* Encodes one vertex record; of the flags, WH_CUT and WH_NEVER. Returns the byte after it. */
+uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
+                             wh_vec3 pos, float err);
 
 /* Scratch of loads, grown as needed and reused; zero-initialise. */
 typedef struct wh_store_scratch {
@@ -81,7 +82,7 @@ typedef struct wh_store_scratch {
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
 
 /* Loads a cluster into p: vertices ascending by global id, those without faces dropped, only
- * WH_CUT set in the flags. A damaged file is WH_E_RUN. */
+ * WH_CUT and WH_NEVER set in the flags. A damaged file is WH_E_RUN. */
 wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
                       wh_patch *p);
 
