@@ -11,10 +11,13 @@
 #include "base/timer.h"
 #include "exec/topo.h"
 #include "mesh/check.h"
+#include "mesh/order.h"
+#include "pipeline/emit.h"
 #include "pipeline/finish.h"
 #include "pipeline/ingest.h"
 #include "pipeline/normalise.h"
 #include "pipeline/round.h"
+#include "pipeline/settle.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,14 +37,23 @@ static const double MICRO_KEEP_LEAST = 0.125;
 static const double ROUND_KEEP_MOST = 0.85;
 /* A round that leaves more than this is the last one. */
 static const double ROUND_NO_PROGRESS = 0.9;
-/* Share of the cells left of a cut when cutting anew; the first partition has 0.5. */
-static const double RECUT_SKEW = 0.4;
+static const double SETTLE_NO_PROGRESS = 0.99;
+/* The last round before the count is settled leaves this many times the target. */
+static const double NEAR_MARGIN = 1.06;
+/* A trial goes on to this share of the target, as a survey is not exact ... */
+static const double TRIAL_MARGIN = 0.92;
+/* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
+static const double TRIAL_RAISE = 64;
+/* Share of the cells left of a cut when cutting anew, in turn; the first partition has 0.5. */
+static const double RECUT_SKEW[] = {0.4, 0.56, 0.45, 0.62, 0.36};
 
 enum {
 	SURVEY_FACES = 16 * 1024,      /* a piece of a survey */
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
 	MOST_SIZE = 100 * 1000 * 1000,
-	MOST_LOWERINGS = 12,              /* of a round's cost limit, by a factor of 8 each */
+	MOST_LOWERINGS = 12,        /* of a round's cost limit, by a factor of 8 each */
+	ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
+	MOST_SETTLINGS = 8,
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
 	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
@@ -60,7 +72,7 @@ typedef struct run {
 	wh_ingest_result ingest;
 	wh_store store; /* what the mesh lies in now */
 	uint64_t faces; /* of it */
-	uint32_t generations;
+	uint32_t generations, recuts;
 	wh_patch patch;
 	double max_err;
 	double phase_start;
@@ -70,15 +82,15 @@ typedef struct run {
 
 const char *wh_phase_name(wh_phase phase)
 {
-	static const char *const name[WH_PHASES] = {
-	    "open", "ingest", "survey", "decimate", "recut", "stitch", "final", "check", "write"};
+	static const char *const name[WH_PHASES] = {"open",  "ingest", "survey", "decimate",
+	                                            "recut", "settle", "stitch", "final",
+	                                            "check", "write"};
 	return name[phase];
 }
 
 wh_reduce_params wh_reduce_defaults(void)
 {
-	return (wh_reduce_params){
-	    .cluster_faces = 256ULL * 1024, .micro_faces = 16ULL * 1024, .final_faces = 1000000};
+	return (wh_reduce_params){.cluster_faces = 256ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
 static void phase_begin(run *r)
@@ -166,6 +178,26 @@ static bool nothing_to_do(const run *r)
 	const wh_reduce_report *t = r->report;
 	return (t->target_faces && t->target_faces >= t->input_faces) ||
 	       (t->target_vertices && t->target_vertices >= t->input_vertices);
+}
+
+/* Most faces that the last pass may start from. */
+static uint64_t final_limit(const run *r)
+{
+	const wh_reduce_params *p = r->params;
+	if (p->final_faces)
+		return p->final_faces;
+	return p->cluster_faces ? 4 * p->cluster_faces : UINT64_MAX;
+}
+
+/* Vertices that are left: each collapse takes one. */
+static uint64_t vertices_now(const run *r)
+{
+	return r->report->input_vertices - r->report->unreferenced_vertices - r->work.collapses;
+}
+
+static wh_ply_style style(const run *r)
+{
+	return (wh_ply_style){.ascii = r->params->ascii, .is_double = r->input.source.is_double};
 }
 
 static wh_simplify_params engine_params(const run *r)
@@ -360,7 +392,7 @@ static wh_code cluster_workers(run *r, wh_exec *ex)
 static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params *p)
 {
 	phase_begin(r);
-	wh_survey s = {.histogram = wh_calloc(r->c, WH_HIST_BINS, sizeof *s.histogram)};
+	wh_survey s = {.log = wh_calloc(r->c, 1, sizeof *s.log)};
 	wh_code code = r->c->err.code;
 	if (code == WH_OK)
 		code =
@@ -369,8 +401,15 @@ static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params 
 		p->all.max_cost = wh_survey_cost(&s, keep);
 		p->micro_cost = wh_survey_cost(&s, larger_of(keep, MICRO_KEEP_LEAST));
 	}
-	wh_free(r->c, s.histogram);
+	wh_free(r->c, s.log);
 	return phase_end(r, WH_PHASE_SURVEY, code);
+}
+
+/* Only the files that ingest wrote hold vertices of no face. */
+static void note_unreferenced(run *r, uint64_t n)
+{
+	if (n)
+		r->report->unreferenced_vertices = n;
 }
 
 /* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
@@ -381,6 +420,7 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 	wh_store next = {.spill = &r->spill};
 	wh_round_result done;
 	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
+	uint64_t last = 0;
 	for (int lowered = 0;; lowered++) {
 		next.generation = r->generations++;
 		phase_begin(r);
@@ -388,38 +428,58 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 		    wh_round_reduce(r->c, ex, &r->progress, &r->store, &next, p, &done);
 		if (phase_end(r, WH_PHASE_DECIMATE, code) != WH_OK)
 			return code;
+		note_unreferenced(r, done.unreferenced);
 		if (done.faces > least || !isfinite(p->all.max_cost))
 			break;
 		wh_round_remove(&next);
-		if (lowered == MOST_LOWERINGS)
+		if (lowered == MOST_LOWERINGS || done.faces == last)
 			return WH_OK;
+		last = done.faces;
 		p->all.max_cost /= 8;
 		p->micro_cost /= 8;
 	}
 	wh_round_remove(&r->store);
 	r->store = next;
 	r->faces = done.faces;
-	r->report->unreferenced_vertices += done.unreferenced;
 	r->report->rounds++;
 	wh_simplify_result_add(&r->work, &done.work);
 	return WH_OK;
 }
 
-static wh_code recut(run *r)
+/* Cuts anew; `free_all`: so that no vertex is on a cut that always was. */
+static wh_code recut(run *r, bool free_all)
 {
+	const size_t skews = sizeof RECUT_SKEW / sizeof *RECUT_SKEW;
+	const wh_recut_params p = {.skew = RECUT_SKEW[r->recuts++ % skews],
+	                           .buffer = BUFFER_MOST / 4,
+	                           .free_all = free_all};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
 	wh_exec ex;
 	if (cluster_workers(r, &ex) != WH_OK)
 		return r->c->err.code;
 	phase_begin(r);
-	const wh_code code =
-	    wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, RECUT_SKEW, BUFFER_MOST / 4);
+	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, &p,
+	                                    &r->report->never_free_vertices);
 	if (phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
 		return code;
 	wh_round_remove(&r->store);
 	r->store = next;
 	return WH_OK;
+}
+
+/* Decimates all clusters so that a share of the faces is left, or to the error limit. */
+static wh_code one_round(run *r, double keep)
+{
+	const double share = wanted_share(r);
+	wh_cluster_params params = {.micro_faces = (uint32_t)r->params->micro_faces,
+	                            .micro_cost = INFINITY,
+	                            .all = engine_params(r)};
+	wh_exec ex;
+	if (cluster_workers(r, &ex) != WH_OK ||
+	    (share > 0 && survey(r, &ex, keep, &params) != WH_OK))
+		return r->c->err.code;
+	return decimate(r, &ex, &params, share);
 }
 
 /* Rounds, until the mesh fits the final pass or a round no longer helps. */
@@ -433,23 +493,139 @@ static wh_code rounds(run *r)
 		const double keep = larger_of(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
 		if (share > 0 && keep > ROUND_KEEP_MOST)
 			return WH_OK;
-		wh_cluster_params params = {.micro_faces = (uint32_t)p->micro_faces,
-		                            .micro_cost = INFINITY,
-		                            .all = engine_params(r)};
-		wh_exec ex;
 		const uint64_t before = r->faces;
-		if (cluster_workers(r, &ex) != WH_OK ||
-		    (share > 0 && survey(r, &ex, keep, &params) != WH_OK) ||
-		    decimate(r, &ex, &params, share) != WH_OK)
+		if (one_round(r, keep) != WH_OK)
 			return r->c->err.code;
-		if (r->store.clusters == 1 || r->faces <= p->final_faces ||
+		if (r->store.clusters == 1 || r->faces <= final_limit(r) ||
 		    (double)r->faces > ROUND_NO_PROGRESS * (double)before ||
 		    ROUND_MARGIN * wanted_share(r) > ROUND_KEEP_MOST)
 			return WH_OK;
-		if (recut(r) != WH_OK)
+		if (recut(r, false) != WH_OK)
 			return r->c->err.code;
 	}
 }
+
+/* ---- a result that is streamed ------------------------------------------------------------- */
+
+/* Faces and vertices that are too many for the targets; 0 where there is no such target. */
+static wh_settle_params to_give_up(const run *r)
+{
+	const wh_reduce_report *t = r->report;
+	const uint64_t vertices = vertices_now(r);
+	return (wh_settle_params){.faces = t->target_faces ? r->faces - t->target_faces : 0,
+	                          .vertices =
+	                              t->target_vertices ? vertices - t->target_vertices : 0,
+	                          .all = engine_params(r)};
+}
+
+static bool is_reached(const run *r)
+{
+	const wh_reduce_report *t = r->report;
+	return (t->target_faces && r->faces <= t->target_faces) ||
+	       (t->target_vertices && vertices_now(r) <= t->target_vertices);
+}
+
+/* Costs that a trial may go to, one after the other while the one before was not enough. */
+static wh_code trial_costs(run *r, const wh_exec *ex, double cost[3])
+{
+	wh_cluster_params p = {.all = engine_params(r)};
+	if (survey(r, ex, TRIAL_MARGIN * wanted_share(r), &p) != WH_OK)
+		return r->c->err.code;
+	cost[0] = p.all.max_cost;
+	cost[1] = TRIAL_RAISE * p.all.max_cost;
+	cost[2] = INFINITY;
+	return WH_OK;
+}
+
+/* A round that ends at the exact count, or as near to it as its clusters can come. */
+static wh_code settle_once(run *r)
+{
+	wh_exec ex;
+	double cost[3];
+	wh_settle_result done = {0};
+	wh_store next = {.spill = &r->spill, .generation = r->generations++};
+	wh_settle_params p = to_give_up(r);
+	if (cluster_workers(r, &ex) != WH_OK || trial_costs(r, &ex, cost) != WH_OK)
+		return r->c->err.code;
+	phase_begin(r);
+	wh_code code = WH_OK;
+	for (int i = 0; code == WH_OK && i < 3 && !done.reached; i++) {
+		p.all.max_cost = cost[i];
+		code = wh_settle(r->c, &ex, &r->progress, &r->store, &next, &p, i == 2, &done);
+	}
+	if (phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
+		return code;
+	wh_round_remove(&r->store);
+	r->store = next;
+	r->faces = done.round.faces;
+	note_unreferenced(r, done.round.unreferenced);
+	r->report->one_less = done.one_less;
+	r->report->rounds++;
+	wh_simplify_result_add(&r->work, &done.round.work);
+	return WH_OK;
+}
+
+/* Another round to the error limit, which is all that there is to hold. */
+static wh_code exhaust_once(run *r)
+{
+	return one_round(r, 1);
+}
+
+/* Rounds over cut after cut until the count is exact, or no round helps, and no vertex is left
+ * that was on every cut. */
+static wh_code settle(run *r)
+{
+	const bool counted = wanted_share(r) > 0;
+	for (int i = 0; i < MOST_SETTLINGS; i++) {
+		const bool near = r->recuts >= ROUNDS_BEFORE_SETTLING - 1;
+		if ((i > 0 || r->report->rounds > 0) && recut(r, near) != WH_OK)
+			return r->c->err.code;
+		const uint64_t before = r->faces;
+		const bool last = near && r->report->never_free_vertices == 0;
+		wh_code code;
+		if (!counted)
+			code = exhaust_once(r);
+		else if (last)
+			code = is_reached(r) ? WH_OK : settle_once(r);
+		else
+			code = one_round(r, NEAR_MARGIN * wanted_share(r));
+		if (code != WH_OK)
+			return code;
+		if (last && ((counted && is_reached(r)) ||
+		             (double)r->faces > SETTLE_NO_PROGRESS * (double)before))
+			break;
+	}
+	r->report->streamed = true;
+	r->report->exhausted = counted && !is_reached(r) && !isfinite(r->max_err);
+	return WH_OK;
+}
+
+static wh_code commit(run *r, wh_outfile **out)
+{
+	r->report->output_bytes = wh_outfile_bytes(*out);
+	wh_outfile_checksum(*out, r->report->checksum);
+	return wh_outfile_commit(r->c, out);
+}
+
+static wh_code emit(run *r, wh_outfile **out)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	wh_exec ex;
+	wh_reduce_report *t = r->report;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
+	    fit_workers(r, "writing a cluster", wh_emit_bytes(max_v, max_f), &ex) != WH_OK)
+		return r->c->err.code;
+	t->output_vertices = vertices_now(r);
+	t->output_faces = r->faces;
+	phase_begin(r);
+	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, style(r), r->ingest.origin,
+	                       t->output_vertices, t->output_faces);
+	if (code == WH_OK)
+		code = commit(r, out);
+	return phase_end(r, WH_PHASE_WRITE, code);
+}
+
+/* ---- a result that fits one last pass ------------------------------------------------------ */
 
 static wh_code stitch(run *r)
 {
@@ -464,7 +640,8 @@ static wh_code stitch(run *r)
 	phase_begin(r);
 	const wh_code code =
 	    wh_finish_stitch(r->c, &r->store, &r->progress, &r->patch, &unreferenced);
-	r->report->unreferenced_vertices += unreferenced;
+	note_unreferenced(r, unreferenced);
+	r->report->never_free_vertices = 0; /* no vertex is on a cut now */
 	if (code == WH_OK)
 		wh_round_remove(&r->store);
 	return phase_end(r, WH_PHASE_STITCH, code);
@@ -519,22 +696,13 @@ static wh_code check(run *r)
 	return WH_OK;
 }
 
-static wh_code commit(run *r, wh_outfile **out)
-{
-	r->report->output_bytes = wh_outfile_bytes(*out);
-	wh_outfile_checksum(*out, r->report->checksum);
-	return wh_outfile_commit(r->c, out);
-}
-
 static wh_code write_result(run *r, wh_outfile **out)
 {
-	const wh_ply_style style = {.ascii = r->params->ascii,
-	                            .is_double = r->input.source.is_double};
 	phase_begin(r);
-	wh_code code = wh_finish_order(r->c, &r->patch);
+	wh_code code = wh_patch_order(r->c, &r->patch);
 	if (code == WH_OK)
-		code =
-		    wh_finish_write(r->c, &r->progress, *out, style, &r->patch, r->ingest.origin);
+		code = wh_finish_write(r->c, &r->progress, *out, style(r), &r->patch,
+		                       r->ingest.origin);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
@@ -582,8 +750,14 @@ static wh_code all_stages(run *r, wh_outfile **out)
 	if (last_pass_bytes(r) > budget(r)) /* not after all the work */
 		return refuse_early(r, "the final pass", 0);
 	phase_begin(r);
-	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK ||
-	    stitch(r) != WH_OK || final_pass(r) != WH_OK || check(r) != WH_OK ||
+	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK)
+		return r->c->err.code;
+	if (r->store.clusters > 1 && r->faces > final_limit(r)) {
+		if (settle(r) != WH_OK || emit(r, out) != WH_OK)
+			return r->c->err.code;
+		return WH_OK;
+	}
+	if (stitch(r) != WH_OK || final_pass(r) != WH_OK || check(r) != WH_OK ||
 	    write_result(r, out) != WH_OK)
 		return r->c->err.code;
 	return WH_OK;

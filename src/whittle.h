@@ -37,7 +37,8 @@ typedef struct wh_reduce_params {
 	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
 	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
-	uint64_t final_faces;   /* rounds go on until no more faces than this are left */
+	uint64_t final_faces;   /* up to this many faces, the last pass is over all in memory; above,
+	                           the result is streamed; 0: four clusters' */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */
 	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);
@@ -51,6 +52,7 @@ typedef enum wh_phase {
 	WH_PHASE_SURVEY,   /* cost limit of a round */
 	WH_PHASE_DECIMATE, /* rounds over the clusters */
 	WH_PHASE_RECUT,    /* cutting anew between rounds */
+	WH_PHASE_SETTLE,   /* rounds that end at the exact count, of a result that is streamed */
 	WH_PHASE_STITCH,   /* clusters to one mesh */
 	WH_PHASE_FINAL,    /* last collapses, to the exact count */
 	WH_PHASE_CHECK,    /* topology of the result */
@@ -86,6 +88,8 @@ typedef struct wh_reduce_report {
 
 	uint64_t clusters, cut_vertices; /* of the first partition */
 	uint64_t rounds;
+	bool streamed;                /* the last round was cluster by cluster, as was the output */
+	uint64_t never_free_vertices; /* of the output: on a cut in every round */
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;

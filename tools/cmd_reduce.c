@@ -33,7 +33,8 @@ static const char help[] =
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
     "      --cluster-faces N (262144; 0: all in one), --micro-faces N (16384; 0: none)\n"
-    "      --final-faces N   (1M) from which the last pass over all may start\n";
+    "      --final-faces N   (4 clusters') from which the last pass may be over all at\n"
+    "                        once; above, it goes cluster by cluster\n";
 
 typedef struct options {
 	wh_reduce_params params;

@@ -105,6 +105,8 @@ static void put_outcome(json_t *root, const wh_reduce_report *r)
 	put_real(e, "cost_distance", r->cost_distance);
 	put_real(e, "accumulated_estimate", r->accumulated_error);
 	put_count(root, "nonmanifold_vertices_kept", r->nonmanifold_kept);
+	put_flag(root, "streamed", r->streamed);
+	put_count(root, "never_free_vertices", r->never_free_vertices);
 }
 
 static void put_costs(json_t *root, const wh_reduce_report *r)

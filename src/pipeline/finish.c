@@ -1,7 +1,5 @@
 #include "pipeline/finish.h"
 
-#include "geom/morton.h"
-
 #include <stdlib.h>
 #include <string.h>
 
@@ -125,99 +123,6 @@ wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress
 		code = join_copies(c, p, &cut);
 	wh_free(c, cut.item);
 	return code;
-}
-
-/* ---- order -------------------------------------------------------------------------------- */
-
-typedef struct place {
-	uint64_t key;
-	uint32_t v;
-} place;
-
-/* Least significant digit first, 11 bits at a time. Leaves the result in `a`. */
-static void sort_places(place *a, place *b, uint32_t n)
-{
-	for (unsigned shift = 0; shift < 66; shift += 11) {
-		uint32_t start[2049] = {0};
-		for (uint32_t i = 0; i < n; i++)
-			start[(a[i].key >> shift & 2047) + 1]++;
-		for (int d = 0; d < 2048; d++)
-			start[d + 1] += start[d];
-		for (uint32_t i = 0; i < n; i++)
-			b[start[a[i].key >> shift & 2047]++] = a[i];
-		place *t = a;
-		a = b;
-		b = t;
-	}
-}
-
-static void curve_places(const wh_patch *p, place *at)
-{
-	wh_vec3 lo = p->nv ? p->pos[0] : wh_v3(0, 0, 0), hi = lo;
-	for (uint32_t v = 1; v < p->nv; v++) {
-		const wh_vec3 q = p->pos[v];
-		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
-		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
-	}
-	const double side = fmax(hi.x - lo.x, fmax(hi.y - lo.y, hi.z - lo.z));
-	const double scale = side > 0 ? 2097151.0 / side : 0;
-	for (uint32_t v = 0; v < p->nv; v++)
-		at[v] = (place){wh_morton_key(p->pos[v], lo, scale), v};
-}
-
-/* Turns each face so that its least vertex comes first, keeping its direction. */
-static void least_first(uint32_t *t)
-{
-	while (t[0] > t[1] || t[0] > t[2]) {
-		const uint32_t a = t[0];
-		t[0] = t[1];
-		t[1] = t[2];
-		t[2] = a;
-	}
-}
-
-/* Faces by their first vertex (counting sort; start: nv + 1 entries of scratch). */
-static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
-{
-	memset(start, 0, ((size_t)p->nv + 1) * sizeof *start);
-	for (uint32_t f = 0; f < p->nf; f++)
-		start[p->tri[3 * (size_t)f] + 1]++;
-	for (uint32_t v = 0; v < p->nv; v++)
-		start[v + 1] += start[v];
-	for (uint32_t f = 0; f < p->nf; f++) {
-		const uint32_t *t = &p->tri[3 * (size_t)f];
-		memcpy(&tri[3 * (size_t)start[t[0]]++], t, 3 * sizeof *t);
-	}
-}
-
-wh_code wh_finish_order(wh_ctx *c, wh_patch *p)
-{
-	place *at = wh_alloc(c, p->nv, 2 * sizeof *at);
-	uint32_t *map = wh_alloc(c, (size_t)p->nv + 1, sizeof *map);
-	wh_vec3 *pos = wh_alloc(c, p->nv, sizeof *pos);
-	uint32_t *tri = wh_alloc(c, p->nf, 3 * sizeof *tri);
-	if (at && map && pos && tri) {
-		curve_places(p, at);
-		sort_places(at, at + p->nv, p->nv);
-		for (uint32_t i = 0; i < p->nv; i++) {
-			map[at[i].v] = i;
-			pos[i] = p->pos[at[i].v];
-		}
-		memcpy(p->pos, pos, p->nv * sizeof *pos);
-		for (uint32_t f = 0; f < p->nf; f++) {
-			uint32_t *t = &p->tri[3 * (size_t)f];
-			for (int k = 0; k < 3; k++)
-				t[k] = map[t[k]];
-			least_first(t);
-		}
-		order_faces(p, map, tri);
-		memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
-	}
-	wh_free(c, at);
-	wh_free(c, map);
-	wh_free(c, pos);
-	wh_free(c, tri);
-	return c->err.code;
 }
 
 /* ---- output ------------------------------------------------------------------------------- */

@@ -17,9 +17,6 @@ size_t wh_finish_bytes(uint64_t nv, uint64_t nf);
 wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
                          uint64_t *unreferenced);
 
-/* Orders vertices along a space-filling curve and faces by their first vertex. */
-wh_code wh_finish_order(wh_ctx *c, wh_patch *p);
-
 /* Writes p, moved by `origin`, to an open output. */
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
                         const wh_patch *p, wh_vec3 origin);

@@ -1,0 +1,158 @@
+#include "pipeline/emit.h"
+
+#include "base/idmap.h"
+#include "mesh/order.h"
+
+#include <stdlib.h>
+
+/* What one worker needs. */
+typedef struct emit_hand {
+	wh_store_scratch scratch;
+	wh_patch patch;
+	double *xyz; /* of the vertices to write */
+	size_t xyz_cap;
+	uint32_t *number; /* in the output, per vertex */
+	size_t number_cap;
+} emit_hand;
+
+typedef struct emit {
+	const wh_store *store;
+	wh_progress *progress;
+	wh_outfile *out;
+	wh_ply_style style;
+	wh_vec3 origin;
+	emit_hand *hands;
+	wh_idmap cut;    /* cut vertices: their number in the output */
+	uint64_t *first; /* per cluster, and the end: number of its first vertex */
+} emit;
+
+static wh_code load_ordered(wh_ctx *c, const emit *e, emit_hand *h, int64_t k)
+{
+	if (wh_store_load(c, e->store, (uint32_t)k, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	return wh_patch_order(c, &h->patch);
+}
+
+/* ---- vertices ----------------------------------------------------------------------------- */
+
+static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const emit *e = arg;
+	emit_hand *h = &e->hands[worker];
+	if (load_ordered(c, e, h, index) != WH_OK)
+		return c->err.code;
+	return wh_reserve(c, &h->xyz, &h->xyz_cap, 3 * (size_t)h->patch.nv, sizeof *h->xyz);
+}
+
+/* True when a cut vertex has no number yet; it then gets this one. */
+static wh_code claim(wh_ctx *c, emit *e, uint64_t gid, uint64_t number, bool *ours)
+{
+	uint64_t *value = wh_idmap_put(c, &e->cut, gid, ours);
+	if (!value)
+		return c->err.code;
+	if (*ours)
+		*value = number;
+	return WH_OK;
+}
+
+static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	emit *e = arg;
+	emit_hand *h = &e->hands[worker];
+	const wh_patch *p = &h->patch;
+	size_t n = 0;
+	for (uint32_t v = 0; v < p->nv; v++) {
+		bool ours = true;
+		if ((p->flag[v] & WH_CUT) &&
+		    claim(c, e, p->gid[v], e->first[index] + n, &ours) != WH_OK)
+			return c->err.code;
+		if (!ours)
+			continue;
+		const wh_vec3 q = wh_add(p->pos[v], e->origin);
+		h->xyz[3 * n] = q.x;
+		h->xyz[3 * n + 1] = q.y;
+		h->xyz[3 * n + 2] = q.z;
+		n++;
+	}
+	e->first[index + 1] = e->first[index] + n;
+	wh_progress_add(e->progress, p->nf);
+	return wh_ply_write_vertices(c, e->out, e->style, h->xyz, n);
+}
+
+/* ---- faces -------------------------------------------------------------------------------- */
+
+static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const emit *e = arg;
+	emit_hand *h = &e->hands[worker];
+	const wh_patch *p = &h->patch;
+	if (load_ordered(c, e, h, index) != WH_OK ||
+	    wh_reserve(c, &h->number, &h->number_cap, p->nv, sizeof *h->number) != WH_OK)
+		return c->err.code;
+	uint64_t next = e->first[index];
+	for (uint32_t v = 0; v < p->nv; v++) {
+		const uint64_t *known =
+		    p->flag[v] & WH_CUT ? wh_idmap_get(&e->cut, p->gid[v]) : NULL;
+		h->number[v] = (uint32_t)(known ? *known : next);
+		next += !known || *known == next;
+	}
+	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
+		p->tri[i] = h->number[p->tri[i]];
+	return WH_OK;
+}
+
+static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	(void)index;
+	emit *e = arg;
+	const wh_patch *p = &e->hands[worker].patch;
+	wh_progress_add(e->progress, p->nf);
+	return wh_ply_write_triangles(c, e->out, e->style, p->tri, p->nf);
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+size_t wh_emit_bytes(uint64_t nv, uint64_t nf)
+{
+	const size_t patch = (size_t)nv * 37 + (size_t)nf * 12;
+	return patch + (size_t)nv * (24 + 8) + wh_patch_order_bytes(nv, nf);
+}
+
+static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices, uint64_t faces)
+{
+	const int64_t n = e->store->clusters;
+	wh_progress_phase(e->progress, "write", 2 * faces);
+	if (wh_ply_write_header(c, e->out, e->style, vertices, faces) != WH_OK ||
+	    wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, e) != WH_OK)
+		return c->err.code;
+	if (e->first[n] != vertices)
+		return wh_fail(c, WH_E_RUN,
+		               "the clusters hold %llu vertices and not %llu: a fault of whittle's",
+		               (unsigned long long)e->first[n], (unsigned long long)vertices);
+	return wh_exec_ordered(c, ex, n, faces_job, faces_commit, e);
+}
+
+wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
+                wh_outfile *out, wh_ply_style style, wh_vec3 origin, uint64_t vertices,
+                uint64_t faces)
+{
+	emit e = {.store = store,
+	          .progress = progress,
+	          .out = out,
+	          .style = style,
+	          .origin = origin,
+	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
+	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
+	if (e.hands && e.first)
+		(void)both_passes(c, ex, &e, vertices, faces);
+	for (int i = 0; e.hands && i < ex->workers; i++) {
+		wh_store_scratch_free(c, &e.hands[i].scratch);
+		wh_patch_free(c, &e.hands[i].patch);
+		wh_free(c, e.hands[i].xyz);
+		wh_free(c, e.hands[i].number);
+	}
+	wh_free(c, e.hands);
+	wh_free(c, e.first);
+	wh_idmap_free(c, &e.cut);
+	return c->err.code;
+}

@@ -1,0 +1,193 @@
+#include "pipeline/settle.h"
+
+#include "pipeline/hand.h"
+#include "pipeline/quota.h"
+
+#include <string.h>
+
+typedef struct settle {
+	const wh_store *from;
+	wh_store *to;
+	wh_progress *progress;
+	const wh_settle_params *params;
+	wh_hand *hands;
+	wh_cost_log *scratch; /* one for each worker */
+	wh_quota_log *log;    /* one for each cluster, as are those below */
+	wh_quota *share;
+	wh_round_result *part;
+	bool *open; /* the cluster has boundary edges */
+} settle;
+
+/* ---- on trial ----------------------------------------------------------------------------- */
+
+static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	settle *s = arg;
+	wh_hand *h = &s->hands[worker];
+	wh_cost_log *log = &s->scratch[worker];
+	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	memset(log, 0, sizeof *log);
+	const uint32_t before = h->patch.nf;
+	wh_cluster_params p = {.all = s->params->all};
+	p.all.log = log;
+	wh_simplify_result done;
+	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &done) != WH_OK)
+		return c->err.code;
+	s->open[index] = done.border > 0;
+	wh_progress_add(s->progress, before);
+	return wh_quota_note(c, &s->log[index], log);
+}
+
+/* ---- in earnest --------------------------------------------------------------------------- */
+
+static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	settle *s = arg;
+	wh_hand *h = &s->hands[worker];
+	wh_round_result *out = &s->part[index];
+	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	const uint32_t before = h->patch.nf;
+	wh_cluster_params p = {.all = s->params->all};
+	p.all.target_faces = before - (uint32_t)s->share[index].faces;
+	p.all.target_vertices = h->patch.nv - (uint32_t)s->share[index].vertices;
+	p.all.no_overshoot = true;
+	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &out->work) != WH_OK ||
+	    wh_store_save(c, s->to, (uint32_t)index, &h->patch) != WH_OK)
+		return c->err.code;
+	out->unreferenced = h->scratch.unreferenced;
+	out->faces = h->patch.nf;
+	out->vertices = h->patch.nv;
+	wh_progress_add(s->progress, before);
+	return WH_OK;
+}
+
+/* ---- the last face ------------------------------------------------------------------------ */
+
+/* Takes one more face off cluster k of the result, or two where `overshoot` allows it. Returns in
+ * *taken how many went. */
+static wh_code take_one(wh_ctx *c, settle *s, uint32_t k, bool overshoot, uint32_t *taken)
+{
+	wh_hand *h = &s->hands[0];
+	*taken = 0;
+	if (wh_store_load(c, s->to, k, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	const uint32_t before = h->patch.nf;
+	if (before < 2)
+		return WH_OK;
+	wh_cluster_params p = {.all = s->params->all};
+	p.all.max_cost = INFINITY;
+	p.all.target_faces = before - 1;
+	p.all.no_overshoot = !overshoot;
+	wh_simplify_result done;
+	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &done) != WH_OK)
+		return c->err.code;
+	*taken = before - h->patch.nf;
+	if (*taken == 0)
+		return WH_OK;
+	s->part[k].faces -= *taken;
+	s->part[k].vertices = h->patch.nv;
+	wh_simplify_result_add(&s->part[k].work, &done);
+	return wh_store_save(c, s->to, k, &h->patch);
+}
+
+/* One face too many is left: an inner collapse takes two. A cluster with a boundary can give up
+ * one; where none can, one of them gives up two. */
+static wh_code take_last(wh_ctx *c, settle *s, bool *one_less)
+{
+	uint32_t taken = 0;
+	for (int overshoot = 0; overshoot < 2; overshoot++)
+		for (uint32_t k = 0; k < s->from->clusters; k++) {
+			if (!overshoot && !s->open[k])
+				continue;
+			if (take_one(c, s, k, overshoot, &taken) != WH_OK)
+				return c->err.code;
+			if (taken == 0)
+				continue;
+			*one_less = taken == 2;
+			return WH_OK;
+		}
+	return WH_OK;
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+static wh_code perform(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t faces, const wh_quota *sum,
+                       wh_settle_result *result)
+{
+	*s->to = (wh_store){.spill = s->to->spill,
+	                    .generation = s->to->generation,
+	                    .clusters = s->from->clusters,
+	                    .id_bytes = s->from->id_bytes,
+	                    .coord_bytes = s->from->coord_bytes,
+	                    .vertex_payload = sizeof(float),
+	                    .local_corners = true};
+	if (wh_exec_for(c, ex, s->from->clusters, perform_job, s) != WH_OK)
+		return c->err.code;
+	uint64_t left = 0;
+	for (uint32_t k = 0; k < s->from->clusters; k++)
+		left += s->part[k].faces;
+	/* the vertices were exact, or faces were what counted */
+	const bool by_faces = s->params->faces && sum->faces >= s->params->faces;
+	if (by_faces && faces - left + 1 == s->params->faces &&
+	    take_last(c, s, &result->one_less) != WH_OK)
+		return c->err.code;
+	for (uint32_t k = 0; k < s->from->clusters; k++)
+		wh_round_result_add(&result->round, &s->part[k]);
+	return WH_OK;
+}
+
+static wh_code share_out(wh_ctx *c, const wh_exec *ex, settle *s, wh_quota *sum)
+{
+	const wh_settle_params *p = s->params;
+	if (wh_exec_for(c, ex, s->from->clusters, trial_job, s) != WH_OK)
+		return c->err.code;
+	return wh_quota_share(c, s->log, s->from->clusters, p->faces, p->vertices, s->share, sum);
+}
+
+static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s)
+{
+	const uint32_t n = s->from->clusters;
+	s->hands = wh_hands_make(c, ex->workers);
+	s->scratch = wh_alloc(c, (size_t)ex->workers, sizeof *s->scratch);
+	s->log = wh_calloc(c, n, sizeof *s->log);
+	s->share = wh_calloc(c, n, sizeof *s->share);
+	s->part = wh_calloc(c, n, sizeof *s->part);
+	s->open = wh_calloc(c, n, sizeof *s->open);
+	return c->err.code;
+}
+
+static void settle_close(wh_ctx *c, const wh_exec *ex, settle *s)
+{
+	for (uint32_t k = 0; s->log && k < s->from->clusters; k++)
+		wh_free(c, s->log[k].item);
+	wh_free(c, s->open);
+	wh_free(c, s->part);
+	wh_free(c, s->share);
+	wh_free(c, s->log);
+	wh_free(c, s->scratch);
+	wh_hands_free(c, s->hands, ex->workers);
+}
+
+wh_code wh_settle(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                  wh_store *to, const wh_settle_params *params, bool partly,
+                  wh_settle_result *result)
+{
+	*result = (wh_settle_result){0};
+	settle s = {.from = from, .to = to, .progress = progress, .params = params};
+	uint64_t max_v, max_f, faces, vertices;
+	wh_quota sum = {0};
+	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return c->err.code;
+	wh_progress_phase(progress, "settle", 2 * faces);
+	wh_code code = settle_open(c, ex, &s);
+	if (code == WH_OK)
+		code = share_out(c, ex, &s, &sum);
+	result->reached = (params->faces && sum.faces >= params->faces) ||
+	                  (params->vertices && sum.vertices >= params->vertices);
+	if (code == WH_OK && (result->reached || partly))
+		code = perform(c, ex, &s, faces, &sum, result);
+	settle_close(c, ex, &s);
+	return code;
+}
