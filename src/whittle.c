@@ -16,6 +16,7 @@
 #include "pipeline/finish.h"
 #include "pipeline/ingest.h"
 #include "pipeline/normalise.h"
+#include "pipeline/plan.h"
 #include "pipeline/round.h"
 #include "pipeline/settle.h"
 
@@ -24,22 +25,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* A round leaves this many times the target: what it leaves undone, the final pass does in the
- * right order; what it overdoes, nobody can undo. */
-static const double ROUND_MARGIN = 1.25;
-/* The vertices on cluster borders, which a round cannot move, add about this to what it leaves. */
-static const double BORDER_MARGIN = 1.08;
-/* A round takes away no more than this in one go: its survey would see too few survivors. */
-static const double ROUND_KEEP_LEAST = 0.02;
-/* Micro-clusters, smaller still, stop earlier. */
-static const double MICRO_KEEP_LEAST = 0.125;
-/* Above this share there is too little to do for a round to be worth its passes. */
-static const double ROUND_KEEP_MOST = 0.85;
-/* A round that leaves more than this is the last one. */
-static const double ROUND_NO_PROGRESS = 0.9;
+/* A round to the exact count that leaves more than this is the last one, reached or not. */
 static const double SETTLE_NO_PROGRESS = 0.99;
-/* The last round before the count is settled leaves this many times the target. */
-static const double NEAR_MARGIN = 1.06;
 /* A trial goes on to this share of the target, as a survey is not exact ... */
 static const double TRIAL_MARGIN = 0.92;
 /* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
@@ -48,16 +35,11 @@ static const double TRIAL_RAISE = 64;
 static const double RECUT_SKEW[] = {0.4, 0.56, 0.45, 0.62, 0.36};
 
 enum {
-	SURVEY_FACES = 16 * 1024,      /* a piece of a survey */
-	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
 	MOST_SIZE = 100 * 1000 * 1000,
 	MOST_LOWERINGS = 12,        /* of a round's cost limit, by a factor of 8 each */
 	ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
 	MOST_SETTLINGS = 8,
-	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
-	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
-	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
-	BUFFER_MOST = 256 * 1024
+	OPEN_BYTES = 32 * 1024 * 1024 /* enough to look at the input and to refuse it in words */
 };
 
 typedef struct run {
@@ -76,7 +58,9 @@ typedef struct run {
 	wh_patch patch;
 	double max_err;
 	double phase_start;
-	size_t memory;           /* ceiling */
+	size_t memory; /* ceiling */
+	wh_plan_sizes sizes;
+	wh_plan plan;
 	wh_simplify_result work; /* of all stages */
 } run;
 
@@ -91,6 +75,11 @@ const char *wh_phase_name(wh_phase phase)
 wh_reduce_params wh_reduce_defaults(void)
 {
 	return (wh_reduce_params){.cluster_faces = 256ULL * 1024, .micro_faces = 16ULL * 1024};
+}
+
+static wh_plan_sizes sizes_of(const wh_reduce_params *p)
+{
+	return (wh_plan_sizes){p->cluster_faces, p->micro_faces, p->final_faces};
 }
 
 static void phase_begin(run *r)
@@ -108,12 +97,15 @@ static wh_code phase_end(run *r, wh_phase phase, wh_code code)
 
 static size_t budget(const run *r)
 {
-	return r->memory > BASE_BYTES ? r->memory - BASE_BYTES : 0;
+	return r->memory > WH_PLAN_BASE ? r->memory - WH_PLAN_BASE : 0;
 }
 
+/* A refusal names a ceiling that does for all stages. */
 static wh_code too_small(run *r, const char *what, size_t need)
 {
-	const size_t mib = ((need + BASE_BYTES) >> 20) + 2;
+	if (need + WH_PLAN_BASE < r->plan.least)
+		need = r->plan.least - WH_PLAN_BASE;
+	const size_t mib = ((need + WH_PLAN_BASE) >> 20) + 2;
 	return wh_fail(r->c, WH_E_PLAN,
 	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
 	               r->memory >> 20, mib);
@@ -180,15 +172,6 @@ static bool nothing_to_do(const run *r)
 	       (t->target_vertices && t->target_vertices >= t->input_vertices);
 }
 
-/* Most faces that the last pass may start from. */
-static uint64_t final_limit(const run *r)
-{
-	const wh_reduce_params *p = r->params;
-	if (p->final_faces)
-		return p->final_faces;
-	return p->cluster_faces ? 4 * p->cluster_faces : UINT64_MAX;
-}
-
 /* Vertices that are left: each collapse takes one. */
 static uint64_t vertices_now(const run *r)
 {
@@ -238,8 +221,8 @@ static wh_code open_input(run *r, bool rewrite)
 	r->input_open = false;
 	wh_progress_phase(&r->progress, "open", 1);
 	wh_exec ex = r->exec;
-	if ((size_t)ex.workers > budget(r) / REWRITE_BYTES)
-		ex.workers = budget(r) < REWRITE_BYTES ? 1 : (int)(budget(r) / REWRITE_BYTES);
+	if ((size_t)ex.workers > budget(r) / WH_PLAN_REWRITE)
+		ex.workers = budget(r) < WH_PLAN_REWRITE ? 1 : (int)(budget(r) / WH_PLAN_REWRITE);
 	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
@@ -279,64 +262,37 @@ static void list_dropped(run *r)
 	}
 }
 
-static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
+static wh_plan make_plan(const run *r)
 {
-	if (cluster_faces == 0)
-		return 1;
-	const uint64_t n = (faces + cluster_faces / 2) / cluster_faces;
-	return n < 1 ? 1 : n > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)n;
+	const wh_plan_query q = {.source = r->input.source,
+	                         .rewrite_bytes = wh_input_temp_bytes(&r->input),
+	                         .sizes = r->sizes,
+	                         .share = wanted_share(r),
+	                         .memory = r->memory,
+	                         .threads = r->exec.workers};
+	wh_plan p;
+	wh_plan_make(&q, &p);
+	return p;
 }
 
-static wh_ingest_params ingest_params(const run *r)
+/* Before the work begins: a ceiling that will not do is refused with one that will. */
+static wh_code refuse_early(run *r)
 {
-	return (wh_ingest_params){.clusters =
-	                              cluster_count(r->input.source.nf, r->params->cluster_faces),
-	                          .buffer = BUFFER_LEAST};
-}
-
-/* What the last pass will take, 0 when no count tells. It starts from a little more than the
- * target: what a round leaves, and the borders of its clusters. */
-static size_t last_pass_bytes(const run *r)
-{
-	const double all = (double)r->faces, share = wanted_share(r);
-	if (!(share > 0))
-		return 0;
-	const bool no_rounds = ROUND_MARGIN * share > ROUND_KEEP_MOST;
-	const double last = no_rounds ? all : fmin(all, BORDER_MARGIN * ROUND_MARGIN * share * all);
-	return wh_finish_bytes((uint64_t)(last / 2), (uint64_t)last);
-}
-
-/* What the largest cluster is likely to take. */
-static size_t cluster_bytes(const run *r)
-{
-	const double all = (double)r->faces, each = (double)r->params->cluster_faces;
-	const uint64_t nf = (uint64_t)(each > 0 ? fmin(1.3 * each, all) : all), nv = nf / 5 * 3;
-	return (size_t)nf * 12 + (size_t)nv * 40 + wh_cluster_bytes(nv, nf);
-}
-
-/* Refuses for want of `need` bytes before the work begins, with a size that does for all of it. */
-static wh_code refuse_early(run *r, const char *what, size_t need)
-{
-	const wh_ingest_params p = ingest_params(r);
-	const size_t stage[] = {wh_ingest_bytes(&r->input.source, &r->exec, &p), cluster_bytes(r),
-	                        last_pass_bytes(r)};
-	for (size_t i = 0; i < sizeof stage / sizeof *stage; i++)
-		need = need > stage[i] ? need : stage[i];
-	return too_small(r, what, need);
+	r->plan = make_plan(r);
+	for (int i = 0; i < WH_PLAN_STAGES; i++)
+		if (r->plan.stage[i].need > budget(r))
+			return too_small(r, wh_plan_stage_name((wh_plan_stage)i), 0);
+	return WH_OK;
 }
 
 static wh_code ingest_once(run *r)
 {
 	const wh_source *src = &r->input.source;
-	wh_ingest_params p = ingest_params(r);
 	wh_exec ex = r->exec;
-	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(r))
-		ex.workers--;
-	const size_t least = wh_ingest_bytes(src, &ex, &p);
-	if (least > budget(r))
-		return refuse_early(r, "reading the input", least);
-	const size_t spare = (budget(r) - least) / 2 / p.clusters;
-	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
+	if (refuse_early(r) != WH_OK)
+		return r->c->err.code;
+	wh_ingest_params p = {.clusters = r->plan.clusters};
+	wh_plan_ingest(src, budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
 	return wh_ingest(r->c, &ex, &r->progress, src, &p, &r->store, &r->ingest);
 }
@@ -358,6 +314,7 @@ static wh_code ingest(run *r)
 	if (code != WH_OK)
 		return code;
 	count_input_reads(r);
+	wh_input_drop_temp(&r->spill, &r->input);
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;
@@ -395,11 +352,11 @@ static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params 
 	wh_survey s = {.log = wh_calloc(r->c, 1, sizeof *s.log)};
 	wh_code code = r->c->err.code;
 	if (code == WH_OK)
-		code =
-		    wh_round_survey(r->c, ex, &r->progress, &r->store, SURVEY_FACES, &p->all, &s);
+		code = wh_round_survey(r->c, ex, &r->progress, &r->store, WH_PLAN_SURVEY_FACES,
+		                       &p->all, &s);
 	if (code == WH_OK) {
 		p->all.max_cost = wh_survey_cost(&s, keep);
-		p->micro_cost = wh_survey_cost(&s, larger_of(keep, MICRO_KEEP_LEAST));
+		p->micro_cost = wh_survey_cost(&s, wh_plan_keep_micro(keep));
 	}
 	wh_free(r->c, s.log);
 	return phase_end(r, WH_PHASE_SURVEY, code);
@@ -451,10 +408,10 @@ static wh_code recut(run *r, bool free_all)
 {
 	const size_t skews = sizeof RECUT_SKEW / sizeof *RECUT_SKEW;
 	const wh_recut_params p = {.skew = RECUT_SKEW[r->recuts++ % skews],
-	                           .buffer = BUFFER_MOST / 4,
+	                           .buffer = WH_PLAN_BUFFER_MOST / 4,
 	                           .free_all = free_all};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
-	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
+	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
 	wh_exec ex;
 	if (cluster_workers(r, &ex) != WH_OK)
 		return r->c->err.code;
@@ -485,24 +442,19 @@ static wh_code one_round(run *r, double keep)
 /* Rounds, until the mesh fits the final pass or a round no longer helps. */
 static wh_code rounds(run *r)
 {
-	const wh_reduce_params *p = r->params;
-	if (r->store.clusters == 1 && (p->micro_faces == 0 || r->faces <= 2 * p->micro_faces))
+	const uint64_t micro = r->params->micro_faces;
+	if (r->store.clusters == 1 && (micro == 0 || r->faces <= 2 * micro))
 		return WH_OK;
-	for (;;) {
-		const double share = wanted_share(r);
-		const double keep = larger_of(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
-		if (share > 0 && keep > ROUND_KEEP_MOST)
-			return WH_OK;
+	for (bool on = wh_plan_round_pays(wanted_share(r)); on;) {
+		const uint32_t clusters = r->store.clusters;
 		const uint64_t before = r->faces;
-		if (one_round(r, keep) != WH_OK)
+		if (r->report->rounds > 0 && recut(r, false) != WH_OK)
 			return r->c->err.code;
-		if (r->store.clusters == 1 || r->faces <= final_limit(r) ||
-		    (double)r->faces > ROUND_NO_PROGRESS * (double)before ||
-		    ROUND_MARGIN * wanted_share(r) > ROUND_KEEP_MOST)
-			return WH_OK;
-		if (recut(r, false) != WH_OK)
+		if (one_round(r, wh_plan_keep(wanted_share(r))) != WH_OK)
 			return r->c->err.code;
+		on = wh_plan_go_on(&r->sizes, clusters, before, r->faces, wanted_share(r));
 	}
+	return WH_OK;
 }
 
 /* ---- a result that is streamed ------------------------------------------------------------- */
@@ -588,7 +540,7 @@ static wh_code settle(run *r)
 		else if (last)
 			code = is_reached(r) ? WH_OK : settle_once(r);
 		else
-			code = one_round(r, NEAR_MARGIN * wanted_share(r));
+			code = one_round(r, wh_plan_keep_near(wanted_share(r)));
 		if (code != WH_OK)
 			return code;
 		if (last && ((counted && is_reached(r)) ||
@@ -747,12 +699,10 @@ static wh_code all_stages(run *r, wh_outfile **out)
 	if (nothing_to_do(r) && !(r->params->ascii && r->input.ply.format != WH_PLY_ASCII))
 		return copy_input(r, out);
 	list_dropped(r);
-	if (last_pass_bytes(r) > budget(r)) /* not after all the work */
-		return refuse_early(r, "the final pass", 0);
 	phase_begin(r);
 	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK)
 		return r->c->err.code;
-	if (r->store.clusters > 1 && r->faces > final_limit(r)) {
+	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
 		if (settle(r) != WH_OK || emit(r, out) != WH_OK)
 			return r->c->err.code;
 		return WH_OK;
@@ -806,9 +756,10 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	                      .user = params->progress_user,
 	                      .telling = ATOMIC_FLAG_INIT},
 	         .exec = {.workers = wh_exec_threads(params->threads)},
-	         .memory = params->memory ? params->memory : wh_topo_memory() / 2};
+	         .memory = params->memory ? params->memory : wh_topo_memory() / 2,
+	         .sizes = sizes_of(params)};
 	const size_t old_limit = c->mem->limit;
-	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - BASE_BYTES / 2 : OPEN_BYTES;
+	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - WH_PLAN_BASE / 2 : OPEN_BYTES;
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
 	wh_outfile_abort(c, &out);
@@ -827,4 +778,63 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	c->mem->limit = old_limit;
 	report->seconds_total = wh_seconds() - start;
 	return code == WH_OK ? verdict(&r) : code;
+}
+
+/* ---- the plan ----------------------------------------------------------------------------- */
+
+/* Opens the input for a look: where its body has to be rewritten, only the counts are known. */
+static wh_code look_at_input(run *r, wh_plan_report *report)
+{
+	wh_ply *ply = &r->input.ply;
+	wh_source *src = &r->input.source;
+	if (wh_input_look(r->c, r->params->input, &r->input) != WH_OK)
+		return r->c->err.code;
+	r->input_open = true;
+	report->rewritten = src->ffd != ply->fd;
+	report->input_bytes = ply->size;
+	r->report->input_vertices = report->input_vertices = src->nv;
+	r->report->input_faces = report->input_faces = src->nf;
+	r->faces = src->nf;
+	work_out_targets(r);
+	return WH_OK;
+}
+
+static void fill_plan(const run *r, wh_plan_report *report)
+{
+	report->target_faces = r->report->target_faces;
+	report->target_vertices = r->report->target_vertices;
+	report->unchanged = nothing_to_do(r);
+	report->threads = r->exec.workers;
+	report->memory_ceiling = r->memory;
+	report->clusters = r->plan.clusters;
+	report->windows = r->plan.windows;
+	report->rounds = r->plan.rounds;
+	report->passes = r->plan.passes;
+	report->streamed = r->plan.streams;
+	report->memory_least = r->plan.least;
+	report->peak_rss = r->plan.peak_ram;
+	report->temp_bytes_peak = r->plan.peak_disk;
+}
+
+wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report *report)
+{
+	*report = (wh_plan_report){0};
+	c->err = (wh_error){0};
+	if (sensible(c, params) != WH_OK)
+		return c->err.code;
+	wh_reduce_report counts = {0};
+	run r = {.c = c,
+	         .params = params,
+	         .report = &counts,
+	         .exec = {.workers = wh_exec_threads(params->threads)},
+	         .memory = params->memory ? params->memory : wh_topo_memory() / 2,
+	         .sizes = sizes_of(params)};
+	wh_code code = look_at_input(&r, report);
+	if (code == WH_OK) {
+		code = refuse_early(&r);
+		fill_plan(&r, report);
+	}
+	if (r.input_open)
+		wh_input_close(c, &r.spill, &r.input);
+	return code;
 }

@@ -97,6 +97,23 @@ typedef struct wh_reduce_report {
 	double seconds_total;
 } wh_reduce_report;
 
+/* What a reduction would take, from the input's header and the parameters alone. */
+typedef struct wh_plan_report {
+	uint64_t input_bytes, input_vertices, input_faces; /* as the header says */
+	uint64_t target_faces, target_vertices;            /* 0: none */
+	bool unchanged;                                    /* the input would be copied */
+	bool rewritten; /* text, polygons or strips: a temporary copy is made first; the faces are
+	                   those of the header, polygons not yet cut into triangles */
+	uint32_t clusters, windows;
+	int rounds, passes; /* passes: over the input */
+	bool streamed;
+	int threads;
+	size_t memory_ceiling;
+	size_t memory_least; /* smallest ceiling that would not be refused */
+	size_t peak_rss;     /* expected */
+	uint64_t temp_bytes_peak;
+} wh_plan_report;
+
 /* Defaults of everything but input, output and limits. */
 wh_reduce_params wh_reduce_defaults(void);
 
@@ -106,5 +123,12 @@ wh_reduce_params wh_reduce_defaults(void);
  * nothing temporary is left. c->mem->limit is set from params->memory for the time of the call.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
+
+/*
+ * Predicts what wh_reduce would do with these parameters (no output is needed). WH_OK, or
+ * WH_E_PLAN where the ceiling is too small, with the report filled all the same; any other failure
+ * is one that wh_reduce would begin with, too. Nothing but the header and the first faces is read.
+ */
+wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report *report);
 
 #endif

@@ -642,6 +642,7 @@ static double rms_of(fixture *f, uint64_t cluster_faces)
 {
 	f->params.cluster_faces = cluster_faces;
 	f->params.micro_faces = 0;
+	f->params.final_faces = 0;
 	reduces(f);
 	return compare(f, 200000).rms;
 }

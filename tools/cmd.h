@@ -11,6 +11,7 @@
 #include "exec/exec.h"
 
 int cmd_reduce(int argc, char **argv);
+int cmd_plan(int argc, char **argv);
 int cmd_info(int argc, char **argv);
 int cmd_check(int argc, char **argv);
 int cmd_compare(int argc, char **argv);

@@ -2,12 +2,11 @@
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
 #include "progress_bar.h"
+#include "reduce_options.h"
 #include "reduce_report.h"
 #include "whittle.h"
 
-#include <getopt.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -36,236 +35,6 @@ static const char help[] =
     "      --final-faces N   (4 clusters') from which the last pass may be over all at\n"
     "                        once; above, it goes cluster by cluster\n";
 
-typedef struct options {
-	wh_reduce_params params;
-	const char *report;
-	bool quiet, verbose, no_progress, help;
-} options;
-
-enum {
-	OPT_VERTICES = 256,
-	OPT_RATIO,
-	OPT_ERROR,
-	OPT_LOCK,
-	OPT_MEMORY,
-	OPT_THREADS,
-	OPT_TEMP,
-	OPT_ASCII,
-	OPT_REPORT,
-	OPT_CLUSTER,
-	OPT_MICRO,
-	OPT_FINAL,
-	OPT_NO_PROGRESS
-};
-
-static const struct option long_options[] = {
-    {"output", required_argument, NULL, 'o'},
-    {"faces", required_argument, NULL, 'n'},
-    {"vertices", required_argument, NULL, OPT_VERTICES},
-    {"ratio", required_argument, NULL, OPT_RATIO},
-    {"error", required_argument, NULL, OPT_ERROR},
-    {"lock-boundary", no_argument, NULL, OPT_LOCK},
-    {"memory", required_argument, NULL, OPT_MEMORY},
-    {"threads", required_argument, NULL, OPT_THREADS},
-    {"temp-dir", required_argument, NULL, OPT_TEMP},
-    {"ascii", no_argument, NULL, OPT_ASCII},
-    {"report", required_argument, NULL, OPT_REPORT},
-    {"cluster-faces", required_argument, NULL, OPT_CLUSTER},
-    {"micro-faces", required_argument, NULL, OPT_MICRO},
-    {"final-faces", required_argument, NULL, OPT_FINAL},
-    {"force", no_argument, NULL, 'f'},
-    {"quiet", no_argument, NULL, 'q'},
-    {"verbose", no_argument, NULL, 'v'},
-    {"no-progress", no_argument, NULL, OPT_NO_PROGRESS},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
-/* ---- arguments ---------------------------------------------------------------------------- */
-
-/* The number in front of a final "%", as a share. False when there is no "%". */
-static bool parse_percent(const char *text, double *share)
-{
-	char copy[64];
-	const size_t n = strlen(text);
-	if (n < 2 || n >= sizeof copy || text[n - 1] != '%')
-		return false;
-	memcpy(copy, text, n - 1);
-	copy[n - 1] = '\0';
-	if (!cmd_parse_real(copy, share))
-		return false;
-	*share /= 100;
-	return true;
-}
-
-/* A positive count or a percentage up to 100. */
-static bool parse_target(const char *text, uint64_t *count, double *share)
-{
-	int64_t n;
-	if (parse_percent(text, share))
-		return *share > 0 && *share <= 1;
-	if (!cmd_parse_count(text, false, &n) || n <= 0)
-		return false;
-	*count = (uint64_t)n;
-	return true;
-}
-
-static bool parse_size(const char *text, bool binary, uint64_t *out)
-{
-	int64_t n;
-	if (!cmd_parse_count(text, binary, &n))
-		return false;
-	*out = (uint64_t)n;
-	return true;
-}
-
-static bool parse_error_limit(const char *text, wh_reduce_params *p)
-{
-	if (parse_percent(text, &p->error_share))
-		return p->error_share > 0;
-	return cmd_parse_real(text, &p->error) && p->error > 0;
-}
-
-/* False when the argument makes no sense. */
-static bool take_option(options *o, int opt, const char *arg)
-{
-	wh_reduce_params *p = &o->params;
-	uint64_t n = 0;
-	bool ok = true;
-	switch (opt) {
-	case 'o':
-		p->output = arg;
-		break;
-	case 'n':
-		ok = parse_target(arg, &p->faces, &p->face_ratio);
-		break;
-	case OPT_VERTICES:
-		ok = parse_target(arg, &p->vertices, &p->vertex_ratio);
-		break;
-	case OPT_RATIO:
-		ok = (parse_percent(arg, &p->face_ratio) || cmd_parse_real(arg, &p->face_ratio)) &&
-		     p->face_ratio > 0 && p->face_ratio <= 1;
-		break;
-	case OPT_ERROR:
-		ok = parse_error_limit(arg, p);
-		break;
-	case OPT_LOCK:
-		p->lock_boundary = true;
-		break;
-	case OPT_MEMORY:
-		ok = parse_size(arg, true, &n) && n > 0;
-		p->memory = (size_t)n;
-		break;
-	case OPT_THREADS:
-		ok = parse_size(arg, false, &n) && n <= 1024;
-		p->threads = (int)n;
-		break;
-	case OPT_TEMP:
-		p->temp_dir = arg;
-		break;
-	case OPT_ASCII:
-		p->ascii = true;
-		break;
-	case OPT_REPORT:
-		o->report = arg;
-		break;
-	case OPT_CLUSTER:
-		ok = parse_size(arg, false, &p->cluster_faces) &&
-		     (p->cluster_faces == 0 || p->cluster_faces >= 1000) &&
-		     p->cluster_faces <= 100000000;
-		break;
-	case OPT_MICRO:
-		ok = parse_size(arg, false, &p->micro_faces) &&
-		     (p->micro_faces == 0 || p->micro_faces >= 100) && p->micro_faces <= 100000000;
-		break;
-	case OPT_FINAL:
-		ok = parse_size(arg, false, &p->final_faces) && p->final_faces > 0;
-		break;
-	case 'f':
-		p->force = true;
-		break;
-	case 'q':
-		o->quiet = true;
-		break;
-	case 'v':
-		o->verbose = true;
-		break;
-	case OPT_NO_PROGRESS:
-		o->no_progress = true;
-		break;
-	default:
-		o->help = true;
-	}
-	return ok;
-}
-
-static const char *option_name(int opt)
-{
-	for (const struct option *l = long_options; l->name; l++)
-		if (l->val == opt)
-			return l->name;
-	return "?";
-}
-
-/* What an option's value has to be, for messages. */
-static const char *expected(int opt)
-{
-	switch (opt) {
-	case 'n':
-	case OPT_VERTICES:
-		return "a count such as 200K or a share such as 10%";
-	case OPT_RATIO:
-		return "a share between 0 and 1, such as 0.1 or 10%";
-	case OPT_ERROR:
-		return "a distance above 0, in units of the file or such as 0.01%";
-	case OPT_MEMORY:
-		return "a size such as 512M or 4G";
-	case OPT_THREADS:
-		return "a number from 0 to 1024";
-	case OPT_CLUSTER:
-		return "0 or a count from 1000 to 100M";
-	case OPT_MICRO:
-		return "0 or a count from 100 to 100M";
-	default:
-		return "a count above 0";
-	}
-}
-
-static bool has_limit(const wh_reduce_params *p)
-{
-	return p->faces || p->face_ratio > 0 || p->vertices || p->vertex_ratio > 0 ||
-	       p->error > 0 || p->error_share > 0;
-}
-
-/* WH_OK, or the status to leave with. */
-static int parse(int argc, char **argv, options *o)
-{
-	int opt;
-	opterr = 0;
-	while ((opt = getopt_long(argc, argv, ":o:n:fqvh", long_options, NULL)) != -1) {
-		if (opt == ':')
-			return cmd_usage_error("reduce", "%s needs a value", argv[optind - 1]);
-		if (opt == '?')
-			return cmd_usage_error("reduce", "%s: unknown or ambiguous option",
-			                       argv[optind - 1]);
-		if (!take_option(o, opt, optarg))
-			return cmd_usage_error("reduce", "--%s: '%s' is not %s", option_name(opt),
-			                       optarg, expected(opt));
-	}
-	if (o->help)
-		return WH_OK;
-	if (optind + 1 != argc)
-		return cmd_usage_error("reduce", optind == argc ? "no input file given"
-		                                                : "more than one input file given");
-	o->params.input = argv[optind];
-	if (!o->params.output)
-		return cmd_usage_error("reduce", "no output given: add -o FILE");
-	if (!has_limit(&o->params))
-		return cmd_usage_error(
-		    "reduce", "no target given: add --faces, --vertices, --ratio or --error");
-	return WH_OK;
-}
-
 static bool is_dash(const char *name)
 {
 	return name && strcmp(name, "-") == 0;
@@ -281,7 +50,7 @@ static bool same_file(const char *a, const char *b)
 }
 
 /* The report may replace an older one when asked to, but neither mesh. */
-static int check_report_name(const options *o)
+static int check_report_name(const reduce_options *o)
 {
 	if (!o->report)
 		return WH_OK;
@@ -293,20 +62,6 @@ static int check_report_name(const options *o)
 		return cmd_usage_error("reduce", "--report '%s' exists already; -f replaces it",
 		                       o->report);
 	return WH_OK;
-}
-
-/* Threads that the batch system or the user set for all programs; 0 when nothing is said. */
-static int threads_of_environment(void)
-{
-	static const char *const names[] = {"SLURM_CPUS_PER_TASK", "OMP_NUM_THREADS"};
-	for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-		int64_t n;
-		const char *text =
-		    getenv(names[i]); /* NOLINT(concurrency-mt-unsafe): one thread yet */
-		if (text && cmd_parse_count(text, false, &n) && n >= 1 && n <= 1024)
-			return (int)n;
-	}
-	return 0;
 }
 
 /* ---- words -------------------------------------------------------------------------------- */
@@ -345,7 +100,7 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		              vertices_word(r->nonmanifold_kept));
 }
 
-static void print_summary(FILE *f, const options *o, const wh_reduce_report *r)
+static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_report *r)
 {
 	(void)fprintf(f, "%s: %llu faces -> %s: %llu faces, %llu vertices\n", o->params.input,
 	              (unsigned long long)r->input_faces, o->params.output,
@@ -362,8 +117,8 @@ static void print_summary(FILE *f, const options *o, const wh_reduce_report *r)
 
 int cmd_reduce(int argc, char **argv)
 {
-	options o = {.params = wh_reduce_defaults()};
-	const int status = parse(argc, argv, &o);
+	reduce_options o = {.params = wh_reduce_defaults()};
+	const int status = reduce_options_parse(argc, argv, false, &o);
 	if (status != WH_OK)
 		return status;
 	if (o.help) {
@@ -373,8 +128,6 @@ int cmd_reduce(int argc, char **argv)
 	const int report_status = check_report_name(&o);
 	if (report_status != WH_OK)
 		return report_status;
-	if (o.params.threads == 0)
-		o.params.threads = threads_of_environment();
 	cmd_env env;
 	cmd_env_init(&env, "reduce");
 	progress_bar bar;

@@ -4,6 +4,7 @@
 
 #include <inttypes.h>
 #include <string.h>
+#include <sys/stat.h>
 
 enum {
 	PROBE = 4096,   /* faces looked at before a body is used in place */
@@ -110,10 +111,66 @@ wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 	return code;
 }
 
+/* What a rewritten body will look like, as far as the header tells. */
+static void expect_rewrite(const wh_ply *p, wh_source *s)
+{
+	const wh_ply_elem *v = &p->elems[p->vertex];
+	wh_ply_vertex_source(p, 0, s);
+	const uint64_t strips = p->strips >= 0 ? p->elems[p->strips].count : 0;
+	s->nf = p->face >= 0 ? p->elems[p->face].count : 0;
+	if (s->nf == 0 && strips > 0) /* a corner each, and two at the beginning */
+		s->nf = (p->size - p->body) / 5;
+	s->fstride = 3 * (s->nv > UINT32_MAX ? 8 : 4);
+	s->ffd = -1;
+	if (p->format == WH_PLY_ASCII || v->stride == 0) {
+		s->vstride = s->is_double ? 24 : 12;
+		s->vfd = -1;
+	}
+}
+
+wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in)
+{
+	*in = (wh_input){.temp_fd = -1};
+	wh_code code = wh_ply_open(c, &in->ply, path);
+	if (code != WH_OK)
+		return code;
+	code = check_content(c, &in->ply);
+	if (code == WH_OK) {
+		code =
+		    wh_ply_direct(&in->ply, &in->source) ? probe(c, &in->source) : WH_E_IRREGULAR;
+		if (code == WH_E_IRREGULAR) {
+			in->source = (wh_source){0};
+			expect_rewrite(&in->ply, &in->source);
+			code = WH_OK;
+		}
+	}
+	if (code != WH_OK) {
+		wh_ply_close(c, &in->ply);
+		in->ply.fd = -1;
+	}
+	return code;
+}
+
+uint64_t wh_input_temp_bytes(const wh_input *in)
+{
+	const wh_source *s = &in->source;
+	struct stat st;
+	if (s->ffd < 0)
+		return s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0);
+	return in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+}
+
+void wh_input_drop_temp(wh_spill *spill, wh_input *in)
+{
+	if (in->temp_fd >= 0)
+		wh_spill_close_scratch(spill, in->temp_fd);
+	in->temp_fd = -1;
+}
+
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
 {
-	if (in->ply.path && in->temp_fd >= 0)
-		wh_spill_close_scratch(spill, in->temp_fd);
+	if (in->ply.path)
+		wh_input_drop_temp(spill, in);
 	wh_ply_close(c, &in->ply);
 	*in = (wh_input){.temp_fd = -1};
 	in->ply.fd = -1;

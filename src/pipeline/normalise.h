@@ -32,7 +32,17 @@ typedef struct wh_input {
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       bool force_rewrite, wh_input *in);
+/*
+ * The same, but a body that would have to be rewritten is not: the source then has the counts of
+ * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
+ */
+wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
+
+/* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
+uint64_t wh_input_temp_bytes(const wh_input *in);
+/* Removes the temporary file: the source cannot be read any more. */
+void wh_input_drop_temp(wh_spill *spill, wh_input *in);
 
 /*
  * The whole file as a mesh in memory, degenerate triangles dropped, vertices in file order

@@ -1,0 +1,314 @@
+#include "pipeline/plan.h"
+
+#include "pipeline/cluster.h"
+#include "pipeline/emit.h"
+#include "pipeline/finish.h"
+#include "pipeline/ingest.h"
+
+#include <math.h>
+
+/* ---- decisions ---------------------------------------------------------------------------- */
+
+static const double ROUND_MARGIN = 1.25;
+static const double NEAR_MARGIN = 1.03;
+/* A round takes away no more than this in one go: its survey would see too few survivors. */
+static const double ROUND_KEEP_LEAST = 0.02;
+/* Micro-clusters, smaller still, stop earlier. */
+static const double MICRO_KEEP_LEAST = 0.125;
+/* Above this share there is too little to do for a round to be worth its passes. */
+static const double ROUND_KEEP_MOST = 0.85;
+/* A round that leaves more than this is the last one. */
+static const double ROUND_NO_PROGRESS = 0.9;
+
+/* So little always fits one pass: some 12 MiB. */
+static const uint64_t FINAL_LEAST = 64 * 1024;
+
+uint32_t wh_plan_clusters(const wh_plan_sizes *s, uint64_t faces)
+{
+	if (s->cluster_faces == 0)
+		return 1;
+	const uint64_t n = (faces + s->cluster_faces / 2) / s->cluster_faces;
+	return n < 1 ? 1 : n > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)n;
+}
+
+uint64_t wh_plan_final_limit(const wh_plan_sizes *s)
+{
+	if (s->final_faces)
+		return s->final_faces;
+	if (s->cluster_faces == 0)
+		return UINT64_MAX;
+	return 4 * s->cluster_faces > FINAL_LEAST ? 4 * s->cluster_faces : FINAL_LEAST;
+}
+
+double wh_plan_keep(double share)
+{
+	return fmax(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
+}
+
+double wh_plan_keep_near(double share)
+{
+	return fmin(NEAR_MARGIN * share, 1);
+}
+
+double wh_plan_keep_micro(double keep)
+{
+	return fmax(keep, MICRO_KEEP_LEAST);
+}
+
+bool wh_plan_round_pays(double share)
+{
+	return !(share > 0) || wh_plan_keep(share) <= ROUND_KEEP_MOST;
+}
+
+bool wh_plan_go_on(const wh_plan_sizes *s, uint32_t clusters, uint64_t before, uint64_t after,
+                   double share)
+{
+	return clusters > 1 && after > wh_plan_final_limit(s) &&
+	       (double)after <= ROUND_NO_PROGRESS * (double)before &&
+	       ROUND_MARGIN * share <= ROUND_KEEP_MOST;
+}
+
+bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces)
+{
+	return clusters > 1 && faces > wh_plan_final_limit(s);
+}
+
+void wh_plan_ingest(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest_params *p)
+{
+	p->buffer = WH_PLAN_BUFFER_LEAST;
+	while (ex->workers > 1 && wh_ingest_bytes(src, ex, p) > budget)
+		ex->workers--;
+	const size_t least = wh_ingest_bytes(src, ex, p);
+	const size_t spare = least < budget ? (budget - least) / 2 / p->clusters : 0;
+	if (spare > p->buffer)
+		p->buffer = spare < WH_PLAN_BUFFER_MOST ? spare : WH_PLAN_BUFFER_MOST;
+}
+
+/* ---- what is expected --------------------------------------------------------------------- */
+
+/* Measured on scans and generated surfaces. */
+static const double TOUCHED_BASE = 4.5 * 1048576; /* program and libraries */
+static const double TOUCHED_ENGINE = 113;         /* of the engine's arrays, a face */
+static const double TOUCHED_CUT = 20;             /* of those that cut into micro-clusters */
+static const double LARGEST = 1.06;               /* largest cluster over the mean */
+static const double MICRO_LEFT = 0.03;            /* that the borders of micro-clusters add */
+static const double SAVE_BUFFER = 1048576;
+/* Vertices that a cluster has besides its own, per square root of its faces. */
+static const double VISITORS = 6;
+/* What the vertices on cluster borders add to the share a round leaves, at the least share. */
+static const double BORDER_LEFT = 4.4;
+
+typedef struct forecast {
+	const wh_plan_query *q;
+	wh_plan *p;
+	double id, vertex; /* bytes of an id, of a vertex record without payload */
+	double faces;      /* now */
+	double store;      /* bytes of the cluster files now */
+} forecast;
+
+static double mean_cluster(const forecast *f)
+{
+	return f->faces / wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+}
+
+static double largest_cluster(const forecast *f)
+{
+	const bool one = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces) == 1;
+	return one ? f->faces : LARGEST * mean_cluster(f);
+}
+
+static void disk(forecast *f, double more)
+{
+	const double now = (double)f->q->rewrite_bytes + f->store + more;
+	if (now > (double)f->p->peak_disk)
+		f->p->peak_disk = (uint64_t)now;
+}
+
+/* Cluster files with global ids as corners, as they are after a cut ... */
+static double cut_store(const forecast *f, double payload)
+{
+	const double clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+	const double visitors = clusters > 1 ? VISITORS * sqrt(mean_cluster(f)) * clusters : 0;
+	return f->faces * 3 * f->id + (f->faces / 2 + visitors) * (f->vertex + payload);
+}
+
+/* ... and with local ones, as a round leaves them. */
+static double round_store(const forecast *f, double faces)
+{
+	return faces * 12 + faces * 0.52 * (f->vertex + sizeof(float));
+}
+
+/* Bytes of a cluster as it is loaded: its file, the patch, the index that resolves ids. */
+static double loaded(const forecast *f, double nf)
+{
+	return nf * (3 * f->id + 0.5 * f->vertex) + nf * (12 + 0.5 * 37) + nf * 4;
+}
+
+static void stage(forecast *f, wh_plan_stage s, double need, double expect)
+{
+	wh_plan *p = f->p;
+	const size_t ceiling = f->q->memory;
+	const double room = ceiling > WH_PLAN_BASE ? (double)(ceiling - WH_PLAN_BASE) : 0;
+	double workers = floor(room / need);
+	workers = fmax(1, fmin(workers, f->q->threads));
+	if (s == WH_PLAN_FINAL)
+		workers = 1;
+	if (expect * workers > (double)p->stage[s].expect) {
+		p->stage[s].expect = (size_t)(expect * workers);
+		p->stage[s].workers = (int)workers;
+	}
+	if (need > (double)p->stage[s].need)
+		p->stage[s].need = (size_t)need;
+}
+
+/* At most as many workers as there are clusters. */
+static double busy(const forecast *f, double expect)
+{
+	const double clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+	return clusters < f->q->threads ? expect * clusters / f->q->threads : expect;
+}
+
+static double cluster_need(const forecast *f, double nf)
+{
+	const uint64_t faces = (uint64_t)(1.15 * nf), vertices = faces / 20 * 11;
+	return 1.15 * nf * 12 + 0.55 * 1.15 * nf * (f->vertex + 12) +
+	       (double)wh_cluster_bytes(vertices, faces);
+}
+
+/* A round that keeps a share of the faces. */
+static void round_of(forecast *f, double keep)
+{
+	const double nf = largest_cluster(f), micro = (double)f->q->sizes.micro_faces;
+	const bool cut = micro > 0 && nf > 2 * micro;
+	const double whole = cut ? (wh_plan_keep_micro(keep) + MICRO_LEFT) * nf + micro : nf;
+	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
+	                      TOUCHED_ENGINE * fmin(whole, nf + micro) + SAVE_BUFFER;
+	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
+	const bool cut_off = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces) > 1;
+	const double border = BORDER_LEFT / sqrt(mean_cluster(f)) * exp(-keep / 0.06);
+	const double after = fmin(f->faces * (keep + (cut_off ? border : 0)), f->faces);
+	const double next = round_store(f, after);
+	disk(f, next);
+	f->store = next;
+	f->faces = after;
+	f->p->rounds++;
+}
+
+static void recut(forecast *f)
+{
+	const double nf = largest_cluster(f);
+	stage(f, WH_PLAN_RECUT, cluster_need(f, nf) / 2, busy(f, loaded(f, nf) + 20 * nf));
+	const double next = cut_store(f, sizeof(float));
+	disk(f, next);
+	f->store = next;
+}
+
+static void settle(forecast *f, double target)
+{
+	const double nf = largest_cluster(f);
+	const double expect = loaded(f, nf) + TOUCHED_ENGINE * nf + SAVE_BUFFER;
+	stage(f, WH_PLAN_SETTLE, cluster_need(f, nf), busy(f, expect));
+	const double next = round_store(f, target);
+	disk(f, next);
+	f->store = next;
+	f->faces = target;
+	f->p->rounds++;
+	stage(f, WH_PLAN_EMIT, (double)wh_emit_bytes((uint64_t)(0.6 * nf), (uint64_t)(1.15 * nf)),
+	      busy(f, loaded(f, nf) + 42 * nf));
+}
+
+/* The rounds of a run without a count are those of one that keeps as much as it can. */
+static double share_of(const forecast *f)
+{
+	const double all = (double)f->q->source.nf;
+	return f->q->share > 0 ? f->q->share * all / f->faces : 0;
+}
+
+static void rounds(forecast *f)
+{
+	const wh_plan_sizes *s = &f->q->sizes;
+	for (bool on = wh_plan_round_pays(share_of(f)); on;) {
+		const uint32_t clusters = wh_plan_clusters(s, (uint64_t)f->faces);
+		const double before = f->faces;
+		if (clusters == 1 &&
+		    (s->micro_faces == 0 || f->faces <= 2 * (double)s->micro_faces))
+			return;
+		if (f->p->rounds > 0)
+			recut(f);
+		round_of(f, f->q->share > 0 ? wh_plan_keep(share_of(f)) : 0.5);
+		on = wh_plan_go_on(s, clusters, (uint64_t)before, (uint64_t)f->faces, share_of(f));
+	}
+}
+
+static void last_rounds(forecast *f)
+{
+	const double target = fmin(f->faces, fmax(f->q->share, 0.01) * (double)f->q->source.nf);
+	f->p->streams = true;
+	while (f->p->rounds < 2) {
+		if (f->p->rounds > 0)
+			recut(f);
+		round_of(f, wh_plan_keep_near(share_of(f)));
+	}
+	recut(f);
+	settle(f, target);
+}
+
+static void last_pass(forecast *f)
+{
+	const uint64_t nf = (uint64_t)f->faces, nv = nf / 2;
+	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf),
+	      f->faces * (TOUCHED_ENGINE + 12 + 0.5 * 37));
+}
+
+static void ingest(forecast *f)
+{
+	wh_plan *p = f->p;
+	wh_exec ex = {.workers = f->q->threads};
+	wh_ingest_params in = {.clusters = p->clusters, .buffer = WH_PLAN_BUFFER_LEAST};
+	const wh_source *src = &f->q->source;
+	p->stage[WH_PLAN_INGEST].need = wh_ingest_bytes(src, &(wh_exec){.workers = 1}, &in);
+	wh_plan_ingest(src, f->q->memory > WH_PLAN_BASE ? f->q->memory - WH_PLAN_BASE : 0, &ex,
+	               &in);
+	const double full = cut_store(f, 0) / p->clusters;
+	if (full < (double)in.buffer)
+		in.buffer = (size_t)full;
+	p->stage[WH_PLAN_INGEST].expect = wh_ingest_bytes(src, &ex, &in);
+	p->stage[WH_PLAN_INGEST].workers = ex.workers;
+	p->windows = 1;
+	p->passes = 4;
+	f->store = cut_store(f, 0);
+	disk(f, 0);
+}
+
+const char *wh_plan_stage_name(wh_plan_stage stage)
+{
+	static const char *const name[WH_PLAN_STAGES] = {"reading the input", "a cluster",
+	                                                 "cutting anew",      "a cluster",
+	                                                 "the final pass",    "writing a cluster"};
+	return name[stage];
+}
+
+void wh_plan_make(const wh_plan_query *q, wh_plan *p)
+{
+	*p = (wh_plan){.clusters = wh_plan_clusters(&q->sizes, q->source.nf)};
+	const double id = q->source.nv < (uint64_t)1 << 30 ? 4 : 8;
+	forecast f = {.q = q,
+	              .p = p,
+	              .id = id,
+	              .vertex = id + (q->source.is_double ? 24 : 12),
+	              .faces = (double)q->source.nf};
+	ingest(&f);
+	rounds(&f);
+	if (wh_plan_streams(&q->sizes, wh_plan_clusters(&q->sizes, (uint64_t)f.faces),
+	                    (uint64_t)f.faces))
+		last_rounds(&f);
+	else
+		last_pass(&f);
+	double most = 0, need = 0;
+	for (int s = 0; s < WH_PLAN_STAGES; s++) {
+		most = fmax(most, (double)p->stage[s].expect);
+		need = fmax(need, (double)p->stage[s].need);
+	}
+	p->peak_ram = (size_t)(most + TOUCHED_BASE);
+	p->least = (size_t)need + WH_PLAN_BASE;
+}

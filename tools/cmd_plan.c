@@ -1,0 +1,97 @@
+/* whittle plan: options -> parameters -> prediction -> a table or JSON. */
+#include "cmd.h"
+#include "reduce_options.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdio.h>
+
+static const char help[] =
+    "usage: whittle plan IN --faces N | --vertices N | --ratio R | --error E\n"
+    "Says what whittle reduce would take with the same options, without doing it: clusters,\n"
+    "memory, temporary disk, passes, rounds. Reads the header only.\n\n"
+    "  --memory SIZE, --threads N, --cluster-faces N, ...   as for reduce\n"
+    "  --json   print JSON instead of a table\n\n"
+    "Leaves with status 5 when reduce would refuse the ceiling; the table then says which\n"
+    "one would do. Without a count of faces or vertices the disk is only a rough guess.\n";
+
+static void row_count(const char *what, uint64_t n)
+{
+	(void)printf("%-28s %14" PRIu64 "\n", what, n);
+}
+
+static void row_size(const char *what, double bytes)
+{
+	(void)printf("%-28s %14.1f MiB\n", what, bytes / 1048576);
+}
+
+static void print_table(const wh_plan_report *r)
+{
+	row_count("input faces", r->input_faces);
+	row_count("input vertices", r->input_vertices);
+	row_size("input file", (double)r->input_bytes);
+	if (r->target_faces)
+		row_count("target faces", r->target_faces);
+	if (r->target_vertices)
+		row_count("target vertices", r->target_vertices);
+	if (r->unchanged) {
+		(void)printf("the target is no smaller than the input: it would be copied\n");
+		return;
+	}
+	row_count("clusters", r->clusters);
+	row_count("rounds", (uint64_t)r->rounds);
+	row_count("passes over the input", (uint64_t)r->passes);
+	row_count("windows of the vertex table", r->windows);
+	(void)printf("%-28s %14s\n", "output is streamed", r->streamed ? "yes" : "no");
+	row_count("threads", (uint64_t)r->threads);
+	row_size("memory ceiling", (double)r->memory_ceiling);
+	row_size("smallest ceiling that does", (double)r->memory_least);
+	row_size("memory expected", (double)r->peak_rss);
+	row_size("temporary disk expected", (double)r->temp_bytes_peak);
+	if (r->rewritten)
+		(void)printf("The body has to be rewritten first; its faces are the header's.\n");
+}
+
+static wh_code print_json(wh_ctx *c, const char *path, const wh_plan_report *r)
+{
+	json_t *name = json_string(path); /* NULL when the path is not UTF-8 */
+	json_t *j = json_pack(
+	    "{s:o, s:I, s:I, s:I, s:I, s:I, s:b, s:b, s:i, s:i, s:i, s:i, s:b, s:i, s:I, s:I, s:I, "
+	    "s:I}",
+	    "file", name ? name : json_null(), "input_bytes", (json_int_t)r->input_bytes,
+	    "input_vertices", (json_int_t)r->input_vertices, "input_faces",
+	    (json_int_t)r->input_faces, "target_faces", (json_int_t)r->target_faces,
+	    "target_vertices", (json_int_t)r->target_vertices, "unchanged", r->unchanged,
+	    "rewritten", r->rewritten, "clusters", (int)r->clusters, "windows", (int)r->windows,
+	    "rounds", r->rounds, "passes", r->passes, "streamed", r->streamed, "threads",
+	    r->threads, "memory_ceiling", (json_int_t)r->memory_ceiling, "memory_least",
+	    (json_int_t)r->memory_least, "peak_rss_bytes", (json_int_t)r->peak_rss,
+	    "temp_bytes_peak", (json_int_t)r->temp_bytes_peak);
+	const int bad = !j || json_dumpf(j, stdout, JSON_INDENT(2)) != 0;
+	json_decref(j);
+	(void)printf("\n");
+	return bad ? wh_fail(c, WH_E_RUN, "the JSON could not be written") : WH_OK;
+}
+
+int cmd_plan(int argc, char **argv)
+{
+	reduce_options o = {.params = wh_reduce_defaults()};
+	const int status = reduce_options_parse(argc, argv, true, &o);
+	if (status != WH_OK)
+		return status;
+	if (o.help) {
+		(void)fputs(help, stdout);
+		return WH_OK;
+	}
+	cmd_env env;
+	cmd_env_init(&env, argv[0]);
+	wh_plan_report report;
+	const wh_code code = wh_plan_reduce(&env.ctx, &o.params, &report);
+	if (code != WH_OK && code != WH_E_PLAN)
+		return cmd_report_failure(&env);
+	if (!o.json)
+		print_table(&report);
+	else if (print_json(&env.ctx, o.params.input, &report) != WH_OK)
+		return cmd_report_failure(&env);
+	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
+}
