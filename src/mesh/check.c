@@ -14,18 +14,6 @@ static void count_vertex_list(const wh_mesh *m, wh_check *r)
 	r->unreferenced_vertices = r->vertices - r->referenced_vertices;
 }
 
-static wh_code count_all(wh_checker *k, wh_exact_sum *area)
-{
-	if (wh_checker_faces(k, area) != WH_OK)
-		return k->c->err.code;
-	wh_checker_vertices(k);
-	if (wh_checker_stars(k) != WH_OK || wh_checker_edges(k) != WH_OK ||
-	    wh_checker_number_boundary(k) != WH_OK || wh_checker_loops(k) != WH_OK)
-		return k->c->err.code;
-	wh_checker_drop_stars(k);
-	return wh_checker_components(k);
-}
-
 wh_code wh_check_mesh(wh_ctx *c, const wh_mesh *m, wh_check *r)
 {
 	wh_checker k = {.c = c, .nv = m->nv, .nf = m->nf, .pos = m->pos, .tri = m->tri, .r = r};
@@ -35,7 +23,7 @@ wh_code wh_check_mesh(wh_ctx *c, const wh_mesh *m, wh_check *r)
 	if (code != WH_OK)
 		return code;
 	wh_check_box_begin(r);
-	code = count_all(&k, &area);
+	code = wh_checker_run(&k, &area);
 	wh_checker_free(&k);
 	if (code != WH_OK)
 		return code;

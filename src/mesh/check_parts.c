@@ -72,7 +72,7 @@ static void count_face(const wh_checker *k, const uint32_t *t, wh_exact_sum *are
 		wh_bit_set(k->used, t[i]);
 }
 
-wh_code wh_checker_faces(wh_checker *k, wh_exact_sum *area)
+static wh_code count_faces(wh_checker *k, wh_exact_sum *area)
 {
 	k->used = wh_calloc(k->c, (size_t)k->nv / 64 + 1, sizeof *k->used);
 	if (!k->used)
@@ -102,20 +102,27 @@ void wh_check_box_end(wh_check *r)
 		r->lo = r->hi = wh_v3(0, 0, 0);
 }
 
-void wh_check_box_grow(wh_check *r, wh_vec3 p)
+void wh_check_box_join(wh_check *r, const wh_check *other)
+{
+	const wh_vec3 lo = other->lo, hi = other->hi;
+	r->lo = wh_v3(fmin(r->lo.x, lo.x), fmin(r->lo.y, lo.y), fmin(r->lo.z, lo.z));
+	r->hi = wh_v3(fmax(r->hi.x, hi.x), fmax(r->hi.y, hi.y), fmax(r->hi.z, hi.z));
+}
+
+static void grow_box(wh_check *r, wh_vec3 p)
 {
 	r->lo = wh_v3(fmin(r->lo.x, p.x), fmin(r->lo.y, p.y), fmin(r->lo.z, p.z));
 	r->hi = wh_v3(fmax(r->hi.x, p.x), fmax(r->hi.y, p.y), fmax(r->hi.z, p.z));
 }
 
-void wh_checker_vertices(wh_checker *k)
+static void count_vertices(wh_checker *k)
 {
 	for (uint32_t v = 0; v < k->nv; v++) {
 		if (!wh_bit_get(k->used, v))
 			continue;
 		k->r->referenced_vertices += is_whole(k, v);
 		if (is_finite(k->pos[v]))
-			wh_check_box_grow(k->r, k->pos[v]);
+			grow_box(k->r, k->pos[v]);
 	}
 }
 
@@ -390,6 +397,22 @@ wh_code wh_checker_loops(wh_checker *k)
 	return WH_OK;
 }
 
+/* Nothing after the loops needs them. */
+static void drop_stars(wh_checker *k)
+{
+	wh_free(k->c, k->fan_end);
+	wh_free(k->c, k->fan);
+	wh_free(k->c, k->spokes);
+	wh_free(k->c, k->star);
+	wh_free(k->c, k->first);
+	k->fan_end = NULL;
+	k->fan = NULL;
+	k->spokes = NULL;
+	k->star = NULL;
+	k->first = NULL;
+	k->star_cap = 0;
+}
+
 /* ---- components --------------------------------------------------------------------------- */
 
 /* Trees of the face forest that hold a face. */
@@ -405,7 +428,7 @@ static void count_vertex_components(wh_checker *k)
 		k->r->components += k->vertex_sets[v] == v && wh_bit_get(k->used, v);
 }
 
-wh_code wh_checker_components(wh_checker *k)
+static wh_code count_components(wh_checker *k)
 {
 	count_edge_components(k);
 	k->vertex_sets = wh_alloc(k->c, k->nv, sizeof *k->vertex_sets);
@@ -424,6 +447,18 @@ wh_code wh_checker_components(wh_checker *k)
 }
 
 /* ---- the whole ---------------------------------------------------------------------------- */
+
+wh_code wh_checker_run(wh_checker *k, wh_exact_sum *area)
+{
+	if (count_faces(k, area) != WH_OK)
+		return k->c->err.code;
+	count_vertices(k);
+	if (wh_checker_stars(k) != WH_OK || wh_checker_edges(k) != WH_OK ||
+	    wh_checker_number_boundary(k) != WH_OK || wh_checker_loops(k) != WH_OK)
+		return k->c->err.code;
+	drop_stars(k);
+	return count_components(k);
+}
 
 static bool is_oriented_manifold(const wh_check *r)
 {
@@ -447,24 +482,9 @@ bool wh_check_clean(const wh_check *r)
 	       r->duplicate_faces == 0;
 }
 
-void wh_checker_drop_stars(wh_checker *k)
-{
-	wh_free(k->c, k->fan_end);
-	wh_free(k->c, k->fan);
-	wh_free(k->c, k->spokes);
-	wh_free(k->c, k->star);
-	wh_free(k->c, k->first);
-	k->fan_end = NULL;
-	k->fan = NULL;
-	k->spokes = NULL;
-	k->star = NULL;
-	k->first = NULL;
-	k->star_cap = 0;
-}
-
 void wh_checker_free(wh_checker *k)
 {
-	wh_checker_drop_stars(k);
+	drop_stars(k);
 	wh_free(k->c, k->loop_sets);
 	wh_free(k->c, k->rank);
 	wh_free(k->c, k->ends_open);

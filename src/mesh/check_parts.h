@@ -67,15 +67,12 @@ static inline bool wh_bit_get(const uint64_t *bits, uint64_t i)
 /* Face f has three different corners, all in range. */
 bool wh_checker_is_face(const wh_checker *k, uint32_t f);
 
-/* The stages, in the order in which they may be called. The seam begins with the stars, and has
- * its face_sets joined as its pieces have them. */
+/* All of the stages below and those before them, for a mesh or a piece: counts everything but
+ * what is derived, makes vertex_sets and frees the stars. The box, which the caller begins, grows
+ * over all vertices that are used; areas are added to *area. */
+wh_code wh_checker_run(wh_checker *k, wh_exact_sum *area);
 
-/* Faces one by one: degenerate ones and so on, `used`; areas are added to *area. */
-wh_code wh_checker_faces(wh_checker *k, wh_exact_sum *area);
-/* Referenced vertices whose stars are whole here; the box, which begins empty (lo > hi), grows
- * over all that are used. */
-void wh_checker_vertices(wh_checker *k);
-/* Lists the stars. */
+/* For the seam, whose face_sets are given, in this order. Lists the stars. */
 wh_code wh_checker_stars(wh_checker *k);
 /* Counts edges, duplicate faces and fans; joins face_sets. */
 wh_code wh_checker_edges(wh_checker *k);
@@ -84,18 +81,14 @@ wh_code wh_checker_number_boundary(wh_checker *k);
 uint32_t wh_checker_boundary_number(const wh_checker *k, uint64_t half_edge);
 /* Joins them through fans; adds the counted boundary edges less the joins to boundary_loops. */
 wh_code wh_checker_loops(wh_checker *k);
-/* Frees the stars; what follows does without them. */
-void wh_checker_drop_stars(wh_checker *k);
-/* Counts components, joined through edges and through vertices; makes vertex_sets. */
-wh_code wh_checker_components(wh_checker *k);
 
 void wh_checker_free(wh_checker *k);
 
 /* Euler characteristic and genus, when all else has been counted. */
 void wh_check_derive(wh_check *r);
-/* An empty box, and what is left of one that stayed empty. */
+/* An empty box (lo > hi); one that holds another's as well; 0 instead of one that stayed empty. */
 void wh_check_box_begin(wh_check *r);
+void wh_check_box_join(wh_check *r, const wh_check *other);
 void wh_check_box_end(wh_check *r);
-void wh_check_box_grow(wh_check *r, wh_vec3 p);
 
 #endif
