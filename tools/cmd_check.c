@@ -1,8 +1,9 @@
 /* whittle check: the invariants of a mesh as a table or as JSON. */
 #include "cmd.h"
+#include "progress_bar.h"
 
 #include "mesh/check.h"
-#include "pipeline/normalise.h"
+#include "pipeline/inspect.h"
 
 #include <getopt.h>
 #include <inttypes.h>
@@ -12,31 +13,40 @@
 
 typedef struct options {
 	const char *path;
+	const char *temp_dir;
 	bool json;
 	bool strict;
+	bool quiet;
 	int64_t threads;
+	int64_t memory;
 } options;
 
 static void print_help(void)
 {
 	(void)printf(
-	    "usage: whittle check FILE [--json] [--strict] [--threads N]\n\n"
+	    "usage: whittle check FILE [--json] [--strict] [--memory SIZE] [--threads N]\n"
+	    "                          [--temp-dir DIR] [--no-progress]\n\n"
 	    "Counts everything that can be right or wrong with a triangle mesh. It is clean when\n"
 	    "it is an oriented manifold, with or without boundary, in which no face is degenerate\n"
 	    "or a duplicate.\n\n"
-	    "  --json       print JSON instead of a table\n"
-	    "  --strict     exit with status 3 when the mesh is not clean\n"
-	    "  --threads N  threads for reading (0, the default: all)\n");
+	    "  --json          print JSON instead of a table\n"
+	    "  --strict        exit with status 3 when the mesh is not clean\n"
+	    "  --memory SIZE   ceiling of the process: 512M, 4G, K = 1024 (default: half of the\n"
+	    "                  machine's, its control group's or the job's); a mesh that is too\n"
+	    "                  large for it is cut into clusters on disk\n"
+	    "  --temp-dir DIR  for these (default: $SLURM_TMPDIR, $TMPDIR, /tmp)\n"
+	    "  --threads N     0 (default): all this process may use\n"
+	    "  --no-progress   do not tell how far it is\n");
 }
 
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
-	                                      {"strict", no_argument, NULL, 's'},
-	                                      {"threads", required_argument, NULL, 't'},
-	                                      {"help", no_argument, NULL, 'h'},
-	                                      {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {
+	    {"json", no_argument, NULL, 'j'},           {"strict", no_argument, NULL, 's'},
+	    {"threads", required_argument, NULL, 't'},  {"memory", required_argument, NULL, 'm'},
+	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
+	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		switch (opt) {
@@ -50,6 +60,17 @@ static int parse(int argc, char **argv, options *o, bool *done)
 			if (!cmd_parse_count(optarg, false, &o->threads) || o->threads > 4096)
 				return cmd_usage_error(argv[0], "\"%s\" is no number of threads",
 				                       optarg);
+			break;
+		case 'm':
+			if (!cmd_parse_count(optarg, true, &o->memory) || o->memory == 0)
+				return cmd_usage_error(argv[0], "\"%s\" is no size such as 512M",
+				                       optarg);
+			break;
+		case 'd':
+			o->temp_dir = optarg;
+			break;
+		case 'p':
+			o->quiet = true;
 			break;
 		case 'h':
 			print_help();
@@ -65,22 +86,17 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	return WH_OK;
 }
 
-/* Loads the file and checks it; what the loader dropped is counted as degenerate. */
-static wh_code check_file(cmd_env *e, const char *path, wh_check *r)
+static wh_code check_file(cmd_env *e, const options *o, wh_check *r)
 {
-	wh_mesh m = {0};
-	wh_spill spill;
-	uint64_t degenerate = 0;
-	wh_code code = wh_spill_open(&e->ctx, &spill, NULL, "/tmp");
-	if (code != WH_OK)
-		return code;
-	code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, &m, NULL, &degenerate);
-	wh_spill_close(&e->ctx, &spill);
-	if (code == WH_OK)
-		code = wh_check_mesh(&e->ctx, &m, r);
-	wh_mesh_free(&e->ctx, &m);
-	r->degenerate_faces += degenerate;
-	r->faces += degenerate;
+	progress_bar bar;
+	progress_bar_init(&bar, !o->quiet);
+	const wh_inspect_params p = {.path = o->path,
+	                             .temp_dir = o->temp_dir,
+	                             .memory = (size_t)o->memory,
+	                             .progress = progress_bar_tell,
+	                             .progress_user = &bar};
+	const wh_code code = wh_inspect_file(&e->ctx, &e->exec, &p, r);
+	progress_bar_end(&bar);
 	return code;
 }
 
@@ -175,7 +191,7 @@ int cmd_check(int argc, char **argv)
 	wh_check r = {0};
 	cmd_env_init(&e, argv[0]);
 	e.exec.workers = wh_exec_threads((int)o.threads);
-	if (check_file(&e, o.path, &r) != WH_OK)
+	if (check_file(&e, &o, &r) != WH_OK)
 		return cmd_report_failure(&e);
 	if (!o.json)
 		print_table(&r);

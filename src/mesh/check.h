@@ -38,7 +38,7 @@ typedef struct wh_check {
 	int64_t euler;            /* referenced vertices - edges + faces */
 	int64_t genus;            /* handles of all components; -1 unless manifold and oriented */
 
-	double area;    /* of all faces whose corners are finite */
+	double area;    /* of all faces whose corners are finite; their order does not matter */
 	wh_vec3 lo, hi; /* corners of the box around the finite referenced vertices; 0 if none */
 } wh_check;
 

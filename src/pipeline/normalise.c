@@ -269,9 +269,10 @@ static void close_loader(wh_ctx *c, loader *l, int workers)
 	wh_free(c, l->kept);
 }
 
-static wh_code load_source(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m)
+wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m)
 {
 	loader l = {.s = s, .m = m};
+	*m = (wh_mesh){0};
 	if (s->nv >= UINT32_MAX || s->nf >= UINT32_MAX)
 		return wh_fail(c, WH_E_PLAN,
 		               "'%s' has %" PRIu64 " vertices and %" PRIu64
@@ -300,7 +301,7 @@ static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const ch
 	wh_code code = wh_input_open(c, ex, spill, path, force_rewrite, &in);
 	if (code != WH_OK)
 		return code;
-	code = load_source(c, ex, &in.source, m);
+	code = wh_source_mesh(c, ex, &in.source, m);
 	if (code == WH_OK && is_double)
 		*is_double = in.source.is_double;
 	if (code == WH_OK && degenerate)

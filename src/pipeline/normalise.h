@@ -45,6 +45,13 @@ uint64_t wh_input_temp_bytes(const wh_input *in);
 void wh_input_drop_temp(wh_spill *spill, wh_input *in);
 
 /*
+ * All of a source as a mesh in memory, degenerate triangles dropped, vertices in order
+ * (unreferenced ones kept). WH_E_PLAN when it has 2^32 - 1 vertices or faces or more;
+ * WH_E_IRREGULAR as wh_source_triangles.
+ */
+wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m);
+
+/*
  * The whole file as a mesh in memory, degenerate triangles dropped, vertices in file order
  * (unreferenced ones kept). WH_E_PLAN when it has 2^32 - 1 vertices or faces or more. When
  * `is_double` is not NULL it receives whether positions are doubles. Degenerate faces are

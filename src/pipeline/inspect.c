@@ -1,0 +1,323 @@
+#include "pipeline/inspect.h"
+
+#include "exec/topo.h"
+#include "mesh/check_pieces.h"
+#include "mesh/coincident.h"
+#include "pipeline/duplicates.h"
+#include "pipeline/ingest.h"
+#include "pipeline/normalise.h"
+#include "pipeline/round.h"
+
+#include <string.h>
+
+enum {
+	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
+	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
+	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
+	LOADER_BYTES = 6 * 1024 * 1024,   /* a worker that loads */
+	BUFFER_LEAST = 4 * 1024,          /* write buffer of a cluster during ingest */
+	BUFFER_MOST = 256 * 1024,
+	CUT_BYTES = 250,  /* for a cut vertex, its faces and their other corners */
+	FACE_BYTES = 110, /* of a cluster, generously */
+	FACES_LEAST = 32 * 1024,
+	FACES_MOST = 1024 * 1024 /* larger ones have shorter cuts but fit no cache */
+};
+
+typedef struct inspection {
+	wh_ctx *c;
+	const wh_inspect_params *params;
+	const wh_exec *exec;
+	size_t memory;
+	wh_progress progress;
+	wh_spill spill;
+	wh_input input;
+	bool input_open;
+	wh_check *r;
+} inspection;
+
+/* ---- clusters of a store ------------------------------------------------------------------ */
+
+/* What one worker needs. */
+typedef struct eye {
+	wh_store_scratch scratch;
+	wh_patch patch;
+	wh_check_work *work;
+} eye;
+
+typedef struct store_run {
+	const wh_store *store;
+	wh_progress *progress;
+	eye *eyes;
+	wh_check_pieces *sum;
+} store_run;
+
+static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const store_run *s = arg;
+	eye *e = &s->eyes[worker];
+	if (wh_store_load(c, s->store, (uint32_t)index, &e->scratch, &e->patch) != WH_OK)
+		return c->err.code;
+	return wh_check_look(c, e->work, &e->patch);
+}
+
+static wh_code look_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	(void)index;
+	store_run *s = arg;
+	const eye *e = &s->eyes[worker];
+	wh_progress_add(s->progress, e->patch.nf);
+	return wh_check_pieces_add(c, s->sum, e->work);
+}
+
+static wh_code eyes_make(wh_ctx *c, store_run *s, int workers)
+{
+	s->eyes = wh_calloc(c, (size_t)workers, sizeof *s->eyes);
+	for (int i = 0; s->eyes && i < workers; i++)
+		s->eyes[i].work = wh_check_work_new(c); /* a failure is recorded */
+	return c->err.code;
+}
+
+static void eyes_free(wh_ctx *c, store_run *s, int workers)
+{
+	for (int i = 0; s->eyes && i < workers; i++) {
+		wh_store_scratch_free(c, &s->eyes[i].scratch);
+		wh_patch_free(c, &s->eyes[i].patch);
+		wh_check_work_free(c, s->eyes[i].work);
+	}
+	wh_free(c, s->eyes);
+	s->eyes = NULL;
+}
+
+wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
+                         wh_check *r)
+{
+	store_run s = {.store = store, .progress = progress};
+	uint64_t max_v, max_f, faces, vertices;
+	wh_code code = wh_round_extent(c, store, &max_v, &max_f, &faces, &vertices);
+	if (code != WH_OK)
+		return code;
+	wh_progress_phase(progress, "check", faces);
+	s.sum = wh_check_pieces_new(c);
+	code = eyes_make(c, &s, ex->workers);
+	if (code == WH_OK)
+		code = wh_exec_ordered(c, ex, store->clusters, look_job, look_commit, &s);
+	eyes_free(c, &s, ex->workers); /* before the seam is counted */
+	if (code == WH_OK)
+		code = wh_check_pieces_end(c, s.sum, r);
+	wh_check_pieces_free(c, s.sum);
+	return code;
+}
+
+size_t wh_inspect_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
+{
+	const uint64_t raw = nf * 3 * store->id_bytes + nv * wh_store_vertex_bytes(store);
+	const uint64_t patch = nf * 12 + nv * 37, index = nv * 4;
+	return (size_t)(raw + patch + index) + wh_check_piece_bytes(nv, nf);
+}
+
+/* ---- budget ------------------------------------------------------------------------------- */
+
+static size_t budget(const inspection *n)
+{
+	return n->memory > BASE_BYTES ? n->memory - BASE_BYTES : 0;
+}
+
+static wh_code too_small(const inspection *n, const char *what, size_t need)
+{
+	return wh_fail(n->c, WH_E_PLAN,
+	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
+	               n->memory >> 20, ((need + BASE_BYTES) >> 20) + 2);
+}
+
+/* As many workers as fit when each takes `each` bytes of `bytes`; one at least. */
+static wh_exec fit_workers(const inspection *n, size_t bytes, size_t each)
+{
+	const size_t fits = bytes / each;
+	wh_exec ex = *n->exec;
+	if ((size_t)ex.workers > fits)
+		ex.workers = fits ? (int)fits : 1;
+	return ex;
+}
+
+static bool fits_memory(const inspection *n)
+{
+	const wh_source *s = &n->input.source;
+	const uint64_t nv = s->nv, nf = s->nf;
+	if (n->params->cluster_faces || nv >= WH_NONE || nf >= WH_NONE)
+		return false;
+	const size_t coincident = (size_t)nv * 16, rest = wh_check_piece_bytes(nv, nf);
+	const size_t need = (size_t)nv * 24 + (size_t)nf * 12 +
+	                    (coincident > rest ? coincident : rest) +
+	                    (size_t)n->exec->workers * LOADER_BYTES;
+	return need <= budget(n);
+}
+
+static uint32_t cluster_count(const inspection *n)
+{
+	const uint64_t faces = n->input.source.nf;
+	uint64_t each = n->params->cluster_faces;
+	if (each == 0) {
+		each = budget(n) / 2 / (size_t)n->exec->workers / FACE_BYTES;
+		each = each < FACES_LEAST ? FACES_LEAST : each > FACES_MOST ? FACES_MOST : each;
+	}
+	const uint64_t k = (faces + each - 1) / each;
+	return k < 1 ? 1 : k > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)k;
+}
+
+/* ---- in memory ---------------------------------------------------------------------------- */
+
+static void move(wh_mesh *m, wh_vec3 by)
+{
+	for (uint32_t v = 0; v < m->nv; v++)
+		m->pos[v] = wh_add(m->pos[v], by);
+}
+
+static wh_vec3 lowest_corner(const wh_mesh *m)
+{
+	wh_vec3 lo = m->nv ? m->pos[0] : wh_v3(0, 0, 0);
+	for (uint32_t v = 1; v < m->nv; v++)
+		lo = wh_v3(fmin(lo.x, m->pos[v].x), fmin(lo.y, m->pos[v].y),
+		           fmin(lo.z, m->pos[v].z));
+	return lo;
+}
+
+/* Positions as doubles are brought near zero, as ingest does, so that areas come out the same;
+ * whether they coincide is asked before that. */
+static wh_code check_doubles(inspection *n, wh_mesh *m)
+{
+	wh_check *r = n->r;
+	uint64_t duplicates;
+	if (wh_coincident_count(n->c, m->pos, m->nv, NULL, &duplicates) != WH_OK)
+		return n->c->err.code;
+	const wh_vec3 origin = lowest_corner(m);
+	move(m, wh_scale(origin, -1));
+	if (wh_check_mesh(n->c, m, r) != WH_OK)
+		return n->c->err.code;
+	r->duplicate_vertices = duplicates;
+	r->lo = wh_add(r->lo, origin);
+	r->hi = wh_add(r->hi, origin);
+	return WH_OK;
+}
+
+static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
+{
+	const wh_source *src = &n->input.source;
+	wh_mesh m;
+	wh_progress_phase(&n->progress, "check", src->nf);
+	wh_code code = wh_source_mesh(n->c, n->exec, src, &m);
+	if (code != WH_OK)
+		return code;
+	*degenerate = src->nf - m.nf;
+	code = src->is_double ? check_doubles(n, &m) : wh_check_mesh(n->c, &m, n->r);
+	wh_mesh_free(n->c, &m);
+	return code;
+}
+
+/* ---- in clusters -------------------------------------------------------------------------- */
+
+static wh_code ingest(inspection *n, wh_store *store, wh_ingest_result *cut)
+{
+	const wh_source *src = &n->input.source;
+	wh_ingest_params p = {.clusters = cluster_count(n), .buffer = BUFFER_LEAST};
+	wh_exec ex = *n->exec;
+	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(n))
+		ex.workers--;
+	const size_t least = wh_ingest_bytes(src, &ex, &p);
+	if (least > budget(n))
+		return too_small(n, "reading the input", least);
+	const size_t spare = (budget(n) - least) / 2 / p.clusters;
+	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
+	return wh_ingest(n->c, &ex, &n->progress, src, &p, store, cut);
+}
+
+static wh_code look_at_clusters(inspection *n, const wh_store *store, uint64_t cut_vertices)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(n->c, store, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return n->c->err.code;
+	const size_t each = wh_inspect_bytes(store, max_v, max_f);
+	const size_t cuts = (size_t)cut_vertices * CUT_BYTES;
+	if (cuts + each > budget(n))
+		return too_small(n, "a cluster, and the faces along the cuts,", cuts + each);
+	const wh_exec ex = fit_workers(n, budget(n) - cuts, each);
+	return wh_inspect_store(n->c, &ex, &n->progress, store, n->r);
+}
+
+static wh_code check_in_clusters(inspection *n, uint64_t *degenerate)
+{
+	const wh_source *src = &n->input.source;
+	wh_store store = {.spill = &n->spill};
+	wh_ingest_result cut;
+	wh_check *r = n->r;
+	wh_code code = ingest(n, &store, &cut);
+	if (code == WH_OK)
+		code = look_at_clusters(n, &store, cut.cut_vertices);
+	if (code != WH_OK)
+		return code;
+	wh_round_remove(&store);
+	*degenerate = cut.degenerate;
+	r->vertices = src->nv;
+	r->unreferenced_vertices = src->nv - r->referenced_vertices;
+	r->lo = wh_add(r->lo, cut.origin);
+	r->hi = wh_add(r->hi, cut.origin);
+	return wh_duplicate_vertices(n->c, n->exec, &n->progress, src, budget(n),
+	                             &r->duplicate_vertices);
+}
+
+/* ---- the whole ---------------------------------------------------------------------------- */
+
+static wh_code open_input(inspection *n, bool rewrite)
+{
+	if (n->input_open)
+		wh_input_close(n->c, &n->spill, &n->input);
+	n->input_open = false;
+	wh_progress_phase(&n->progress, "open", 1);
+	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
+	if (wh_input_open(n->c, &ex, &n->spill, n->params->path, rewrite, &n->input) != WH_OK)
+		return n->c->err.code;
+	n->input_open = true;
+	return WH_OK;
+}
+
+static wh_code check_once(inspection *n, bool rewrite)
+{
+	uint64_t degenerate = 0;
+	wh_code code = open_input(n, rewrite);
+	if (code == WH_OK)
+		code = fits_memory(n) ? check_in_memory(n, &degenerate)
+		                      : check_in_clusters(n, &degenerate);
+	if (code != WH_OK)
+		return code;
+	if (n->r->faces == 0)
+		return wh_fail(n->c, WH_E_INPUT,
+		               "'%s' has nothing to check: none of its faces has three different "
+		               "corners",
+		               n->params->path);
+	n->r->degenerate_faces += degenerate + n->input.degenerate;
+	n->r->faces += degenerate + n->input.degenerate;
+	return WH_OK;
+}
+
+wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r)
+{
+	*r = (wh_check){0};
+	inspection n = {
+	    .c = c,
+	    .params = p,
+	    .exec = ex,
+	    .memory = p->memory ? p->memory : wh_topo_memory() / 2,
+	    .progress = {.fn = p->progress, .user = p->progress_user, .telling = ATOMIC_FLAG_INIT},
+	    .r = r};
+	const size_t old_limit = c->mem->limit;
+	c->mem->limit = n.memory > OPEN_BYTES ? n.memory - BASE_BYTES / 2 : OPEN_BYTES;
+	wh_code code = wh_spill_open(c, &n.spill, p->temp_dir, "/tmp");
+	if (code == WH_OK)
+		code = check_once(&n, false);
+	if (code == WH_E_IRREGULAR) /* faces that are not triangles behind a triangle's size */
+		code = check_once(&n, true);
+	if (n.input_open)
+		wh_input_close(c, &n.spill, &n.input);
+	wh_spill_close(c, &n.spill);
+	c->mem->limit = old_limit;
+	return code;
+}

@@ -1,0 +1,43 @@
+/*
+ * inspect: the check of a file that may be larger than memory.
+ *
+ * A mesh that fits the ceiling is loaded and checked as it is. A larger one is cut into clusters
+ * on disk, which are looked at several at a time (mesh/check_pieces); its vertices are streamed
+ * to find coincident ones. Either way the counts are the same.
+ */
+#ifndef WH_PIPELINE_INSPECT_H
+#define WH_PIPELINE_INSPECT_H
+
+#include "exec/exec.h"
+#include "mesh/check.h"
+#include "pipeline/progress.h"
+#include "pipeline/store.h"
+
+typedef struct wh_inspect_params {
+	const char *path;
+	const char *temp_dir;    /* NULL: $SLURM_TMPDIR, $TMPDIR, /tmp */
+	size_t memory;           /* ceiling of the process, bytes; 0: half of what there is */
+	uint64_t cluster_faces;  /* cut into clusters of about so many faces whether it is needed or
+	                            not; 0: as the memory says */
+	wh_progress_fn progress; /* may be NULL */
+	void *progress_user;
+} wh_inspect_params;
+
+/*
+ * Checks a file. Degenerate faces count among the faces. WH_E_INPUT for a damaged file, also an
+ * index out of range or a coordinate that is not finite, and for one without any faces; WH_E_PLAN
+ * when the ceiling is too low, with a size that would do. c->mem->limit is set for the time of
+ * the call.
+ */
+wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r);
+
+/*
+ * Checks the mesh of a store of clusters, which stays. *r is as from wh_check_pieces_end:
+ * positions are those of the store, and vertices without faces are not known. Memory:
+ * wh_inspect_bytes of the largest cluster for each worker, and 250 bytes for each cut vertex.
+ */
+wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
+                         wh_check *r);
+size_t wh_inspect_bytes(const wh_store *store, uint64_t max_vertices, uint64_t max_faces);
+
+#endif
