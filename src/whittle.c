@@ -15,6 +15,7 @@
 #include "pipeline/emit.h"
 #include "pipeline/finish.h"
 #include "pipeline/ingest.h"
+#include "pipeline/inspect.h"
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
 #include "pipeline/round.h"
@@ -356,7 +357,7 @@ static wh_code survey(run *r, const wh_exec *ex, double keep, wh_cluster_params 
 		                       &p->all, &s);
 	if (code == WH_OK) {
 		p->all.max_cost = wh_survey_cost(&s, keep);
-		p->micro_cost = wh_survey_cost(&s, wh_plan_keep_micro(keep));
+		p->micro_cost = wh_survey_cost(&s, wh_plan_keep_micro(&r->sizes, keep));
 	}
 	wh_free(r->c, s.log);
 	return phase_end(r, WH_PHASE_SURVEY, code);
@@ -450,7 +451,7 @@ static wh_code rounds(run *r)
 		const uint64_t before = r->faces;
 		if (r->report->rounds > 0 && recut(r, false) != WH_OK)
 			return r->c->err.code;
-		if (one_round(r, wh_plan_keep(wanted_share(r))) != WH_OK)
+		if (one_round(r, wh_plan_keep(&r->sizes, r->faces, wanted_share(r))) != WH_OK)
 			return r->c->err.code;
 		on = wh_plan_go_on(&r->sizes, clusters, before, r->faces, wanted_share(r));
 	}
@@ -552,6 +553,32 @@ static wh_code settle(run *r)
 	return WH_OK;
 }
 
+static void note_check(run *r, const wh_check *found)
+{
+	wh_reduce_report *t = r->report;
+	t->boundary_edges = found->boundary_edges;
+	t->nonmanifold_edges = found->nonmanifold_edges;
+	t->components = found->components;
+	t->boundary_loops = found->boundary_loops;
+	t->euler = found->euler;
+}
+
+static wh_code check_store(run *r)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	wh_check found;
+	wh_exec ex;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
+	    fit_workers(r, "checking a cluster", wh_inspect_bytes(&r->store, max_v, max_f), &ex) !=
+	        WH_OK)
+		return r->c->err.code;
+	phase_begin(r);
+	const wh_code code = wh_inspect_store(r->c, &ex, &r->progress, &r->store, &found);
+	if (code == WH_OK)
+		note_check(r, &found);
+	return phase_end(r, WH_PHASE_CHECK, code);
+}
+
 static wh_code commit(run *r, wh_outfile **out)
 {
 	r->report->output_bytes = wh_outfile_bytes(*out);
@@ -632,7 +659,6 @@ static wh_code final_pass(run *r)
 
 static wh_code check(run *r)
 {
-	wh_reduce_report *t = r->report;
 	const wh_mesh m = {
 	    .nv = r->patch.nv, .nf = r->patch.nf, .pos = r->patch.pos, .tri = r->patch.tri};
 	wh_check found;
@@ -640,11 +666,7 @@ static wh_code check(run *r)
 	wh_progress_phase(&r->progress, "check", m.nf);
 	if (phase_end(r, WH_PHASE_CHECK, wh_check_mesh(r->c, &m, &found)) != WH_OK)
 		return r->c->err.code;
-	t->boundary_edges = found.boundary_edges;
-	t->nonmanifold_edges = found.nonmanifold_edges;
-	t->components = found.components;
-	t->boundary_loops = found.boundary_loops;
-	t->euler = found.euler;
+	note_check(r, &found);
 	return WH_OK;
 }
 
@@ -703,7 +725,7 @@ static wh_code all_stages(run *r, wh_outfile **out)
 	if (phase_end(r, WH_PHASE_INGEST, ingest(r)) != WH_OK || rounds(r) != WH_OK)
 		return r->c->err.code;
 	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
-		if (settle(r) != WH_OK || emit(r, out) != WH_OK)
+		if (settle(r) != WH_OK || check_store(r) != WH_OK || emit(r, out) != WH_OK)
 			return r->c->err.code;
 		return WH_OK;
 	}

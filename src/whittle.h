@@ -37,8 +37,8 @@ typedef struct wh_reduce_params {
 	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
 	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
-	uint64_t final_faces;   /* up to this many faces, the last pass is over all in memory; above,
-	                           the result is streamed; 0: four clusters' */
+	uint64_t final_faces;   /* with no more than this, the last pass is over all in memory;
+	                           else the result is streamed; 0: four clusters' */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */
 	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);

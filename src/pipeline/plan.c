@@ -20,6 +20,9 @@ static const double ROUND_KEEP_MOST = 0.85;
 /* A round that leaves more than this is the last one. */
 static const double ROUND_NO_PROGRESS = 0.9;
 
+/* Vertices on the border of a piece, per square root of its faces (measured). */
+static const double BORDER_LEFT = 4.4;
+static const double KEEP_OF_PIECE_MOST = 0.5;
 /* So little always fits one pass: some 12 MiB. */
 static const uint64_t FINAL_LEAST = 64 * 1024;
 
@@ -40,9 +43,19 @@ uint64_t wh_plan_final_limit(const wh_plan_sizes *s)
 	return 4 * s->cluster_faces > FINAL_LEAST ? 4 * s->cluster_faces : FINAL_LEAST;
 }
 
-double wh_plan_keep(double share)
+/* The locked border of a piece of n faces is a share of about 4.4 / sqrt(n) of its vertices; a
+ * piece that keeps less than twice that is all border, and its inside is worse than it had to be.
+ */
+static double keep_of_piece(double faces)
 {
-	return fmax(ROUND_MARGIN * share, ROUND_KEEP_LEAST);
+	return fmin(2 * BORDER_LEFT / sqrt(faces), KEEP_OF_PIECE_MOST);
+}
+
+double wh_plan_keep(const wh_plan_sizes *s, uint64_t faces, double share)
+{
+	const uint32_t clusters = wh_plan_clusters(s, faces);
+	const double border = clusters > 1 ? keep_of_piece((double)faces / clusters) : 0;
+	return fmax(ROUND_MARGIN * share, fmax(border, ROUND_KEEP_LEAST));
 }
 
 double wh_plan_keep_near(double share)
@@ -50,14 +63,15 @@ double wh_plan_keep_near(double share)
 	return fmin(NEAR_MARGIN * share, 1);
 }
 
-double wh_plan_keep_micro(double keep)
+double wh_plan_keep_micro(const wh_plan_sizes *s, double keep)
 {
-	return fmax(keep, MICRO_KEEP_LEAST);
+	const double border = s->micro_faces ? keep_of_piece((double)s->micro_faces) : 0;
+	return fmax(keep, fmax(border, MICRO_KEEP_LEAST));
 }
 
 bool wh_plan_round_pays(double share)
 {
-	return !(share > 0) || wh_plan_keep(share) <= ROUND_KEEP_MOST;
+	return !(share > 0) || ROUND_MARGIN * share <= ROUND_KEEP_MOST;
 }
 
 bool wh_plan_go_on(const wh_plan_sizes *s, uint32_t clusters, uint64_t before, uint64_t after,
@@ -95,8 +109,6 @@ static const double MICRO_LEFT = 0.03;            /* that the borders of micro-c
 static const double SAVE_BUFFER = 1048576;
 /* Vertices that a cluster has besides its own, per square root of its faces. */
 static const double VISITORS = 6;
-/* What the vertices on cluster borders add to the share a round leaves, at the least share. */
-static const double BORDER_LEFT = 4.4;
 
 typedef struct forecast {
 	const wh_plan_query *q;
@@ -180,7 +192,8 @@ static void round_of(forecast *f, double keep)
 {
 	const double nf = largest_cluster(f), micro = (double)f->q->sizes.micro_faces;
 	const bool cut = micro > 0 && nf > 2 * micro;
-	const double whole = cut ? (wh_plan_keep_micro(keep) + MICRO_LEFT) * nf + micro : nf;
+	const double whole =
+	    cut ? (wh_plan_keep_micro(&f->q->sizes, keep) + MICRO_LEFT) * nf + micro : nf;
 	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
 	                      TOUCHED_ENGINE * fmin(whole, nf + micro) + SAVE_BUFFER;
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
@@ -235,7 +248,8 @@ static void rounds(forecast *f)
 			return;
 		if (f->p->rounds > 0)
 			recut(f);
-		round_of(f, f->q->share > 0 ? wh_plan_keep(share_of(f)) : 0.5);
+		round_of(f,
+		         f->q->share > 0 ? wh_plan_keep(s, (uint64_t)f->faces, share_of(f)) : 0.5);
 		on = wh_plan_go_on(s, clusters, (uint64_t)before, (uint64_t)f->faces, share_of(f));
 	}
 }

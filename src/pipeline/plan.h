@@ -37,13 +37,14 @@ uint32_t wh_plan_clusters(const wh_plan_sizes *s, uint64_t faces);
 /* Most faces that the last pass over all may start from. */
 uint64_t wh_plan_final_limit(const wh_plan_sizes *s);
 
-/* Share of the faces that a round keeps when `share` of them is wanted in the end: more, as what
- * it leaves undone the last pass does in the right order, and what it overdoes nobody can undo. */
-double wh_plan_keep(double share);
+/* Share of so many faces that a round keeps when `share` of them is wanted in the end: more, as
+ * what it leaves undone the last pass does in the right order, and what it overdoes nobody can
+ * undo. */
+double wh_plan_keep(const wh_plan_sizes *s, uint64_t faces, double share);
 /* The same for the last round before the count is settled. */
 double wh_plan_keep_near(double share);
 /* The same inside micro-clusters. */
-double wh_plan_keep_micro(double keep);
+double wh_plan_keep_micro(const wh_plan_sizes *s, double keep);
 
 /* True when there is enough to do for a round to be worth its passes. `share` 0: no count. */
 bool wh_plan_round_pays(double share);
