@@ -10,7 +10,6 @@
 
 #include <math.h>
 
-
 enum {
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
 	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
