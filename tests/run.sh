@@ -13,7 +13,7 @@ builds=(release release-clang debug tsan plain)
 
 # What runs in a build that does not run everything: tests in which threads meet, and tests
 # that show the command whole without threads and hwloc.
-threads='exec|bvh|compare|ingest|reduce|round|ply_body|ply_source|synth|store|generate|check$'
+threads='exec|bvh|compare|ingest|inspect|reduce|round|ply_body|ply_source|synth|store|generate|check$'
 plain='cli_(reduce|compare|check|generate)'
 
 # build PRESET CMAKE-OPTION...

@@ -8,7 +8,7 @@
 #include "pipeline/normalise.h"
 #include "pipeline/round.h"
 
-#include <string.h>
+#include <math.h>
 
 enum {
 	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
@@ -132,36 +132,59 @@ static wh_code too_small(const inspection *n, const char *what, size_t need)
 /* As many workers as fit when each takes `each` bytes of `bytes`; one at least. */
 static wh_exec fit_workers(const inspection *n, size_t bytes, size_t each)
 {
-	const size_t fits = bytes / each;
+	const size_t fits = each ? bytes / each : SIZE_MAX;
 	wh_exec ex = *n->exec;
 	if ((size_t)ex.workers > fits)
 		ex.workers = fits ? (int)fits : 1;
 	return ex;
 }
 
-static bool fits_memory(const inspection *n)
+/* What a check in memory takes, but for the workers that load. SIZE_MAX: it cannot be. */
+static size_t whole_bytes(const inspection *n)
 {
-	const wh_source *s = &n->input.source;
-	const uint64_t nv = s->nv, nf = s->nf;
+	const uint64_t nv = n->input.source.nv, nf = n->input.source.nf;
 	if (n->params->cluster_faces || nv >= WH_NONE || nf >= WH_NONE)
-		return false;
+		return SIZE_MAX;
 	const size_t coincident = (size_t)nv * 16, rest = wh_check_piece_bytes(nv, nf);
-	const size_t need = (size_t)nv * 24 + (size_t)nf * 12 +
-	                    (coincident > rest ? coincident : rest) +
-	                    (size_t)n->exec->workers * LOADER_BYTES;
-	return need <= budget(n);
+	return (size_t)nv * 24 + (size_t)nf * 12 + (coincident > rest ? coincident : rest);
 }
 
-static uint32_t cluster_count(const inspection *n)
+static bool fits_memory(const inspection *n)
 {
-	const uint64_t faces = n->input.source.nf;
-	uint64_t each = n->params->cluster_faces;
-	if (each == 0) {
-		each = budget(n) / 2 / (size_t)n->exec->workers / FACE_BYTES;
-		each = each < FACES_LEAST ? FACES_LEAST : each > FACES_MOST ? FACES_MOST : each;
-	}
-	const uint64_t k = (faces + each - 1) / each;
+	return budget(n) > LOADER_BYTES && whole_bytes(n) <= budget(n) - LOADER_BYTES;
+}
+
+/* Faces of a cluster when there are so many bytes: the workers' clusters take half of them, and
+ * the other half is for the cuts. */
+static uint64_t cluster_faces(const inspection *n, size_t bytes)
+{
+	if (n->params->cluster_faces)
+		return n->params->cluster_faces;
+	const uint64_t each = bytes / 2 / (size_t)n->exec->workers / FACE_BYTES;
+	return each < FACES_LEAST ? FACES_LEAST : each > FACES_MOST ? FACES_MOST : each;
+}
+
+static uint32_t cluster_count(const inspection *n, uint64_t each)
+{
+	const uint64_t k = (n->input.source.nf + each - 1) / each;
 	return k < 1 ? 1 : k > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)k;
+}
+
+/* What one worker will take if the mesh is a surface that folds little. A guess, good for words:
+ * a cluster of n faces has some 2 sqrt(n) cut vertices that are its own. */
+static size_t likely_bytes(const inspection *n, uint64_t each)
+{
+	const double cuts = 2.1 * sqrt((double)each) * cluster_count(n, each);
+	return (size_t)(1.3 * FACE_BYTES * (double)each + CUT_BYTES * cuts);
+}
+
+/* Refuses for want of `least` bytes before the work begins, with a size that does for all. */
+static wh_code refuse_early(const inspection *n, size_t least)
+{
+	size_t need = least;
+	while (likely_bytes(n, cluster_faces(n, need)) > need)
+		need += need / 8;
+	return too_small(n, "reading the input", need);
 }
 
 /* ---- in memory ---------------------------------------------------------------------------- */
@@ -202,9 +225,10 @@ static wh_code check_doubles(inspection *n, wh_mesh *m)
 static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
 {
 	const wh_source *src = &n->input.source;
+	const wh_exec ex = fit_workers(n, budget(n) - whole_bytes(n), LOADER_BYTES);
 	wh_mesh m;
 	wh_progress_phase(&n->progress, "check", src->nf);
-	wh_code code = wh_source_mesh(n->c, n->exec, src, &m);
+	wh_code code = wh_source_mesh(n->c, &ex, src, &m);
 	if (code != WH_OK)
 		return code;
 	*degenerate = src->nf - m.nf;
@@ -218,13 +242,14 @@ static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
 static wh_code ingest(inspection *n, wh_store *store, wh_ingest_result *cut)
 {
 	const wh_source *src = &n->input.source;
-	wh_ingest_params p = {.clusters = cluster_count(n), .buffer = BUFFER_LEAST};
+	wh_ingest_params p = {.clusters = cluster_count(n, cluster_faces(n, budget(n))),
+	                      .buffer = BUFFER_LEAST};
 	wh_exec ex = *n->exec;
 	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(n))
 		ex.workers--;
 	const size_t least = wh_ingest_bytes(src, &ex, &p);
 	if (least > budget(n))
-		return too_small(n, "reading the input", least);
+		return refuse_early(n, least);
 	const size_t spare = (budget(n) - least) / 2 / p.clusters;
 	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
 	return wh_ingest(n->c, &ex, &n->progress, src, &p, store, cut);
@@ -238,7 +263,7 @@ static wh_code look_at_clusters(inspection *n, const wh_store *store, uint64_t c
 	const size_t each = wh_inspect_bytes(store, max_v, max_f);
 	const size_t cuts = (size_t)cut_vertices * CUT_BYTES;
 	if (cuts + each > budget(n))
-		return too_small(n, "a cluster, and the faces along the cuts,", cuts + each);
+		return too_small(n, "a cluster, and the faces along the cuts,", cuts + 2 * each);
 	const wh_exec ex = fit_workers(n, budget(n) - cuts, each);
 	return wh_inspect_store(n->c, &ex, &n->progress, store, n->r);
 }
@@ -247,7 +272,7 @@ static wh_code check_in_clusters(inspection *n, uint64_t *degenerate)
 {
 	const wh_source *src = &n->input.source;
 	wh_store store = {.spill = &n->spill};
-	wh_ingest_result cut;
+	wh_ingest_result cut = {0};
 	wh_check *r = n->r;
 	wh_code code = ingest(n, &store, &cut);
 	if (code == WH_OK)

@@ -54,11 +54,25 @@ cmp -s one out || fail "threads changed the figures"
 expect 0 "$WHITTLE" check --strict sphere.ply
 row 'Euler characteristic' 2
 
+# the same words when it is cut into clusters; nothing temporary is left
+"$WHITTLE" generate -q -o large.ply --faces 1M || fail "generate"
+mkdir temp
+expect 0 "$WHITTLE" check --json large.ply
+mv out one
+expect 0 "$WHITTLE" check --json --memory 36M --temp-dir temp large.ply
+cmp -s one out || fail "the ceiling changed the figures"
+rmdir temp || fail "left behind: $(ls temp)"
+expect 5 "$WHITTLE" check --memory 14M large.ply
+grep -q 'use --memory' err || fail "no size that would do is named"
+expect 1 "$WHITTLE" check --memory 36M --temp-dir nowhere large.ply
+
 # refusals
 expect 2 "$WHITTLE" check
 expect 2 "$WHITTLE" check a.ply b.ply
 expect 2 "$WHITTLE" check --threads few tetrahedron.ply
 expect 2 "$WHITTLE" check --nonsense tetrahedron.ply
+expect 2 "$WHITTLE" check --memory 0 tetrahedron.ply
+expect 2 "$WHITTLE" check --memory lots tetrahedron.ply
 expect 0 "$WHITTLE" check --help
 expect 3 "$WHITTLE" check missing.ply
 grep -q 'missing.ply' err || fail "a missing file is not named"
