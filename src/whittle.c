@@ -43,9 +43,7 @@ enum {
 	MOST_SIZE = 100 * 1000 * 1000,
 	MOST_LOWERINGS = 12,              /* of a round's cost limit, by a factor of 8 each */
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
-	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
-	BUFFER_LEAST = 4 * 1024,       /* write buffer of a cluster during ingest */
-	BUFFER_MOST = 256 * 1024
+	OPEN_BYTES = 32 * 1024 * 1024 /* enough to look at the input and to refuse it in words */
 };
 
 typedef struct run {
@@ -255,11 +253,13 @@ static uint32_t cluster_count(uint64_t faces, uint64_t cluster_faces)
 	return n < 1 ? 1 : n > WH_MAX_CLUSTERS ? WH_MAX_CLUSTERS : (uint32_t)n;
 }
 
-static wh_ingest_params ingest_params(const run *r)
+/* How much of the budget ingest takes, and how. */
+static size_t fit_ingest(const run *r, wh_exec *ex, wh_ingest_params *p)
 {
-	return (wh_ingest_params){.clusters =
-	                              cluster_count(r->input.source.nf, r->params->cluster_faces),
-	                          .buffer = BUFFER_LEAST};
+	*ex = r->exec;
+	*p = (wh_ingest_params){.clusters =
+	                            cluster_count(r->input.source.nf, r->params->cluster_faces)};
+	return wh_ingest_fit(&r->input.source, budget(r), ex, p);
 }
 
 /* What the last pass will take, 0 when no count tells. It starts from a little more than the
@@ -285,9 +285,9 @@ static size_t cluster_bytes(const run *r)
 /* Refuses for want of `need` bytes before the work begins, with a size that does for all of it. */
 static wh_code refuse_early(run *r, const char *what, size_t need)
 {
-	const wh_ingest_params p = ingest_params(r);
-	const size_t stage[] = {wh_ingest_bytes(&r->input.source, &r->exec, &p), cluster_bytes(r),
-	                        last_pass_bytes(r)};
+	wh_exec ex;
+	wh_ingest_params p;
+	const size_t stage[] = {fit_ingest(r, &ex, &p), cluster_bytes(r), last_pass_bytes(r)};
 	for (size_t i = 0; i < sizeof stage / sizeof *stage; i++)
 		need = need > stage[i] ? need : stage[i];
 	return too_small(r, what, need);
@@ -295,24 +295,19 @@ static wh_code refuse_early(run *r, const char *what, size_t need)
 
 static wh_code ingest_once(run *r)
 {
-	const wh_source *src = &r->input.source;
-	wh_ingest_params p = ingest_params(r);
-	wh_exec ex = r->exec;
-	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(r))
-		ex.workers--;
-	const size_t least = wh_ingest_bytes(src, &ex, &p);
-	if (least > budget(r))
-		return refuse_early(r, "reading the input", least);
-	const size_t spare = (budget(r) - least) / 2 / p.clusters;
-	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
+	wh_exec ex;
+	wh_ingest_params p;
+	const size_t need = fit_ingest(r, &ex, &p);
+	if (need > budget(r))
+		return refuse_early(r, "reading the input", need);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
-	return wh_ingest(r->c, &ex, &r->progress, src, &p, &r->store, &r->ingest);
+	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
 }
 
 static void count_input_reads(run *r)
 {
 	const wh_source *s = &r->input.source;
-	r->report->bytes_read += 3 * s->nv * s->vstride + s->nf * s->fstride;
+	r->report->bytes_read += 3 * s->nv * s->vstride + r->ingest.face_reads * s->fstride;
 }
 
 static wh_code ingest(run *r)
@@ -350,9 +345,7 @@ static wh_code cluster_workers(run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	/* raw bytes of the file and the index that resolves its ids come on top */
-	const size_t load =
-	    (size_t)max_f * 12 + (size_t)max_v * (wh_store_vertex_bytes(&r->store) + 8);
+	const size_t load = wh_store_scratch_bytes(&r->store, max_v, max_f);
 	return fit_workers(r, "a cluster", load + wh_cluster_bytes(max_v, max_f), ex);
 }
 
@@ -409,12 +402,16 @@ static wh_code recut(run *r)
 {
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = cluster_count(r->faces, r->params->cluster_faces);
-	wh_exec ex;
-	if (cluster_workers(r, &ex) != WH_OK)
+	wh_exec ex = r->exec;
+	size_t buffer, need;
+	if (wh_round_recut_fit(r->c, &r->store, next.clusters, budget(r), &ex, &buffer, &need) !=
+	    WH_OK)
 		return r->c->err.code;
+	if (need > budget(r))
+		return too_small(r, "cutting anew", need);
 	phase_begin(r);
 	const wh_code code =
-	    wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, RECUT_SKEW, BUFFER_MOST / 4);
+	    wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, RECUT_SKEW, buffer);
 	if (phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
 		return code;
 	wh_round_remove(&r->store);
@@ -456,7 +453,8 @@ static wh_code stitch(run *r)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	const size_t load = (size_t)max_f * 12 + (size_t)max_v * 40;
+	const size_t load =
+	    wh_store_scratch_bytes(&r->store, max_v, max_f) + wh_patch_bytes(max_v, max_f);
 	const size_t need = load + wh_finish_bytes(vertices, faces);
 	if (need > budget(r))
 		return too_small(r, "the final pass", need);

@@ -38,10 +38,18 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                        wh_store *to, double skew, size_t buffer);
 
+/*
+ * Makes the most of `budget` bytes for cutting anew into so many clusters: lowers the workers in
+ * *ex until they fit, sets the write buffer, and tells in *need what this takes: more than the
+ * budget when the least is too much.
+ */
+wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget,
+                           wh_exec *ex, size_t *buffer, size_t *need);
+
 /* Removes all cluster files of a store. */
 void wh_round_remove(const wh_store *store);
 
-/* Largest counts of one cluster of the store, and the sum of its faces. */
+/* Largest counts of one cluster of the store, and the sums over all. */
 wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
                         uint64_t *max_faces, uint64_t *faces, uint64_t *vertices);
 
