@@ -288,20 +288,19 @@ static wh_code refuse_early(run *r)
 
 static wh_code ingest_once(run *r)
 {
-	const wh_source *src = &r->input.source;
 	wh_exec ex = r->exec;
 	if (refuse_early(r) != WH_OK)
 		return r->c->err.code;
 	wh_ingest_params p = {.clusters = r->plan.clusters};
-	wh_plan_ingest(src, budget(r), &ex, &p);
+	(void)wh_ingest_fit(&r->input.source, budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
-	return wh_ingest(r->c, &ex, &r->progress, src, &p, &r->store, &r->ingest);
+	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
 }
 
 static void count_input_reads(run *r)
 {
 	const wh_source *s = &r->input.source;
-	r->report->bytes_read += 3 * s->nv * s->vstride + s->nf * s->fstride;
+	r->report->bytes_read += 3 * s->nv * s->vstride + r->ingest.face_reads * s->fstride;
 }
 
 static wh_code ingest(run *r)
@@ -340,9 +339,7 @@ static wh_code cluster_workers(run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	/* raw bytes of the file and the index that resolves its ids come on top */
-	const size_t load =
-	    (size_t)max_f * 12 + (size_t)max_v * (wh_store_vertex_bytes(&r->store) + 8);
+	const size_t load = wh_store_scratch_bytes(&r->store, max_v, max_f);
 	return fit_workers(r, "a cluster", load + wh_cluster_bytes(max_v, max_f), ex);
 }
 
@@ -408,14 +405,16 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 static wh_code recut(run *r, bool free_all)
 {
 	const size_t skews = sizeof RECUT_SKEW / sizeof *RECUT_SKEW;
-	const wh_recut_params p = {.skew = RECUT_SKEW[r->recuts++ % skews],
-	                           .buffer = WH_PLAN_BUFFER_MOST / 4,
-	                           .free_all = free_all};
+	wh_recut_params p = {.skew = RECUT_SKEW[r->recuts++ % skews], .free_all = free_all};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
-	wh_exec ex;
-	if (cluster_workers(r, &ex) != WH_OK)
+	wh_exec ex = r->exec;
+	size_t need;
+	if (wh_round_recut_fit(r->c, &r->store, next.clusters, budget(r), &ex, &p.buffer, &need) !=
+	    WH_OK)
 		return r->c->err.code;
+	if (need > budget(r))
+		return too_small(r, "cutting anew", need);
 	phase_begin(r);
 	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, &p,
 	                                    &r->report->never_free_vertices);
@@ -611,7 +610,8 @@ static wh_code stitch(run *r)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	const size_t load = (size_t)max_f * 12 + (size_t)max_v * 40;
+	const size_t load =
+	    wh_store_scratch_bytes(&r->store, max_v, max_f) + wh_patch_bytes(max_v, max_f);
 	const size_t need = load + wh_finish_bytes(vertices, faces);
 	if (need > budget(r))
 		return too_small(r, "the final pass", need);

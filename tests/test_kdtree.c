@@ -19,17 +19,17 @@ typedef struct fixture {
 static void build(fixture *f, uint32_t cells, double skew)
 {
 	testing_init(&f->t);
-	wh_vec3 *copy = malloc((f->n + 1) * sizeof *copy);
+	wh_kdpoint *copy = malloc((f->n + 1) * sizeof *copy);
 	f->held = calloc(cells, sizeof *f->held);
 	assert_non_null(copy);
 	assert_non_null(f->held);
-	if (f->n)
-		memcpy(copy, f->point, f->n * sizeof *copy);
+	for (size_t i = 0; i < f->n; i++)
+		copy[i] = (wh_kdpoint){f->point[i], (double)i};
 	assert_int_equal(wh_kdtree_build(&f->t.ctx, &f->tree, copy, f->n, cells, skew), WH_OK);
 	assert_int_equal(f->tree.cells, cells);
 	free(copy);
 	for (size_t i = 0; i < f->n; i++) {
-		const uint32_t k = wh_kdtree_cell(&f->tree, &f->point[i]);
+		const uint32_t k = wh_kdtree_cell(&f->tree, &f->point[i], i);
 		assert_true(k < cells);
 		f->held[k]++;
 	}
@@ -160,36 +160,65 @@ static void the_widest_axis_is_cut(void **state)
 	drop(&f);
 }
 
-static void coincident_points_share_a_cell(void **state)
+static void coincident_points_are_told_apart_by_their_ids(void **state)
+{
+	(void)state;
+	for (double skew = 0.4; skew < 0.55; skew += 0.1) {
+		fixture f;
+		room(&f, 5000);
+		for (size_t i = 0; i < f.n; i++)
+			f.point[i] = wh_v3(1, 2, 3);
+		build(&f, 32, skew);
+		balanced(&f, 0.75, 1.3);
+		drop(&f);
+	}
+}
+
+/* Heaps of a third of the points each, in a cloud: no cell takes more than its share. */
+static void heaps_are_shared_out_like_everything_else(void **state)
+{
+	(void)state;
+	for (size_t heaps = 1; heaps <= 2; heaps++) {
+		fixture f;
+		random_points(&f, 21000, 11 + heaps);
+		for (size_t i = 0; i < f.n; i++)
+			if (i % 3 < heaps)
+				f.point[i] = wh_v3(0.4, 0.6, 0.3 + (double)(i % 3));
+		build(&f, 32, 0.5);
+		balanced(&f, 0.3, 2);
+		drop(&f);
+	}
+}
+
+/* All in one place but for a few, on every side and far away. */
+static void a_heap_with_outliers_is_balanced(void **state)
 {
 	(void)state;
 	fixture f;
-	room(&f, 5000);
+	room(&f, 10000);
 	for (size_t i = 0; i < f.n; i++)
-		f.point[i] = wh_v3(1, 2, 3);
-	build(&f, 32, 0.5);
-	uint32_t used = 0;
-	for (uint32_t k = 0; k < 32; k++)
-		used += f.held[k] > 0;
-	assert_int_equal(used, 1);
+		f.point[i] = wh_v3(0, 0, 0);
+	f.point[17] = wh_v3(1e30, 1, 0);
+	f.point[4711] = wh_v3(-1e30, 0, 0);
+	f.point[9999] = wh_v3(0, -5, 1e-300);
+	build(&f, 40, 0.5);
+	balanced(&f, 0, 1.5);
 	drop(&f);
 }
 
-/* A heap of half the points in one place fills its own cell; the others share the rest. */
-static void a_heap_spoils_no_other_cell(void **state)
+/* Points on a line, many at each of a few places. */
+static void a_few_places_are_balanced(void **state)
 {
 	(void)state;
-	fixture f;
-	random_points(&f, 20000, 11);
-	const wh_vec3 heap = wh_v3(0.4, 0.6, 0.3);
-	for (size_t i = 0; i < f.n; i += 2)
-		f.point[i] = heap;
-	build(&f, 32, 0.5);
-	const uint32_t full = wh_kdtree_cell(&f.tree, &heap);
-	assert_true(f.held[full] >= f.n / 2);
-	for (uint32_t k = 0; k < 32; k++)
-		assert_true(k == full || f.held[k] < 3 * f.n / 32);
-	drop(&f);
+	for (size_t places = 2; places < 12; places++) {
+		fixture f;
+		room(&f, 8000);
+		for (size_t i = 0; i < f.n; i++)
+			f.point[i] = wh_v3((double)(i % places), 7, -1);
+		build(&f, 25, 0.5);
+		balanced(&f, 0, 2);
+		drop(&f);
+	}
 }
 
 static void fewer_points_than_cells_are_no_trouble(void **state)
@@ -204,7 +233,7 @@ static void fewer_points_than_cells_are_no_trouble(void **state)
 			assert_true(f.held[k] <= 2);
 		const wh_vec3 far[2] = {{-1e300, 0, 1e300}, {1e300, 1e300, -1e300}};
 		for (int i = 0; i < 2; i++)
-			assert_true(wh_kdtree_cell(&f.tree, &far[i]) < 40);
+			assert_true(wh_kdtree_cell(&f.tree, &far[i], (uint64_t)i << 50) < 40);
 		drop(&f);
 	}
 }
@@ -236,7 +265,7 @@ static void cells_are_numbered_each_once(void **state)
 	build(&f, CELLS, 0.5);
 	uint32_t next = 0;
 	for (uint32_t i = 0; i < 2 * CELLS - 1; i++)
-		if (f.tree.node[i].axis == 3)
+		if (f.tree.node[i].axis == WH_KD_CELL)
 			assert_int_equal(f.tree.node[i].right, next++);
 	assert_int_equal(next, CELLS);
 	drop(&f);
@@ -247,7 +276,7 @@ static void a_refused_tree_leaves_nothing(void **state)
 	(void)state;
 	testing_env t;
 	wh_kdtree tree;
-	wh_vec3 p = {0, 0, 0};
+	wh_kdpoint p = {{0, 0, 0}, 0};
 	testing_init(&t);
 	t.mem.fail_after = 1;
 	assert_int_equal(wh_kdtree_build(&t.ctx, &tree, &p, 1, 4, 0.5), WH_E_RUN);
@@ -264,8 +293,10 @@ int main(void)
 	    cmocka_unit_test(a_grid_is_cut_between_its_rows),
 	    cmocka_unit_test(one_far_point_does_not_decide_the_cuts),
 	    cmocka_unit_test(the_widest_axis_is_cut),
-	    cmocka_unit_test(coincident_points_share_a_cell),
-	    cmocka_unit_test(a_heap_spoils_no_other_cell),
+	    cmocka_unit_test(coincident_points_are_told_apart_by_their_ids),
+	    cmocka_unit_test(heaps_are_shared_out_like_everything_else),
+	    cmocka_unit_test(a_heap_with_outliers_is_balanced),
+	    cmocka_unit_test(a_few_places_are_balanced),
 	    cmocka_unit_test(fewer_points_than_cells_are_no_trouble),
 	    cmocka_unit_test(the_same_points_give_the_same_tree),
 	    cmocka_unit_test(cells_are_numbered_each_once),

@@ -139,11 +139,11 @@ static void an_empty_cluster_is_empty_again(void **state)
 
 static wh_code append_face(fixture *f, wh_store_writer *w, const uint64_t t[3])
 {
-	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
+	uint8_t record[64];
+	const uint8_t *end = wh_store_put_face(&f->store, record, t);
+	assert_int_equal(end - record, wh_store_face_bytes(&f->store));
 	w->faces++;
-	if (f->store.id_bytes == 4)
-		return wh_store_append(&f->t.ctx, &f->store, CLUSTER, w, narrow, sizeof narrow);
-	return wh_store_append(&f->t.ctx, &f->store, CLUSTER, w, t, 3 * sizeof *t);
+	return wh_store_append(&f->t.ctx, &f->store, CLUSTER, w, record, (size_t)(end - record));
 }
 
 static wh_code append_vertex(fixture *f, wh_store_writer *w, const wh_patch *p, uint32_t v)

@@ -154,6 +154,19 @@ wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t 
 	return WH_OK;
 }
 
+wh_code wh_renew(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size)
+{
+	if (need <= *cap)
+		return WH_OK;
+	void *p;
+	memcpy(&p, array_ptr, sizeof p);
+	wh_free(c, p);
+	p = wh_alloc(c, need, size);
+	memcpy(array_ptr, &p, sizeof p);
+	*cap = p ? need : 0;
+	return p ? WH_OK : c->err.code;
+}
+
 char *wh_strdup(wh_ctx *c, const char *s)
 {
 	const size_t n = strlen(s) + 1;

@@ -37,6 +37,10 @@ void wh_free(wh_ctx *c, void *block);
  * Returns WH_OK or the recorded failure; the array stays valid either way. */
 wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size);
 
+/* Makes room for `need` elements, and no more, in an array whose contents may be lost. On failure
+ * the array is gone: NULL, *cap = 0. */
+wh_code wh_renew(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size);
+
 /* A copy of a string. NULL, failure recorded, when refused. */
 char *wh_strdup(wh_ctx *c, const char *s);
 

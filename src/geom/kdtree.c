@@ -4,11 +4,26 @@
 
 enum { PROBES = 257 }; /* points looked at to choose an axis */
 
+/* Within so large a share of a node's points a cut is moved to keep away from others. */
+static const double SHIFT = 0.02;
+
 typedef struct builder {
 	wh_kdnode *node;
 	uint32_t used, cells;
 	double skew;
+	double *clear; /* scratch for coordinates to keep away from; NULL: there are none */
 } builder;
+
+/* Points to keep away from. */
+typedef struct clearing {
+	wh_vec3 *point;
+	size_t n;
+} clearing;
+
+static double axis_of(const wh_kdpoint *p, uint32_t axis)
+{
+	return wh_kd_axis(&p->pos, p->id, axis);
+}
 
 static int compare_double(const void *a, const void *b)
 {
@@ -17,17 +32,17 @@ static int compare_double(const void *a, const void *b)
 }
 
 /* Width of the middle nine tenths of the points along an axis, from evenly spaced probes. */
-static double spread(const wh_vec3 *point, size_t n, uint32_t axis)
+static double spread(const wh_kdpoint *point, size_t n, uint32_t axis)
 {
 	double value[PROBES];
 	const size_t m = n < PROBES ? n : PROBES;
 	for (size_t i = 0; i < m; i++)
-		value[i] = wh_axis(&point[i * (n / m)], axis);
+		value[i] = axis_of(&point[i * (n / m)], axis);
 	qsort(value, m, sizeof *value, compare_double);
 	return value[m - 1 - m / 20] - value[m / 20];
 }
 
-static uint32_t widest_axis(const wh_vec3 *point, size_t n)
+static uint32_t widest_axis(const wh_kdpoint *point, size_t n)
 {
 	uint32_t best = 0;
 	double most = -1;
@@ -41,9 +56,9 @@ static uint32_t widest_axis(const wh_vec3 *point, size_t n)
 	return best;
 }
 
-static void swap_points(wh_vec3 *a, wh_vec3 *b)
+static void swap_points(wh_kdpoint *a, wh_kdpoint *b)
 {
-	const wh_vec3 t = *a;
+	const wh_kdpoint t = *a;
 	*a = *b;
 	*b = t;
 }
@@ -51,18 +66,18 @@ static void swap_points(wh_vec3 *a, wh_vec3 *b)
 /* Reorders so that point[rank] has the rank-th smallest coordinate, smaller ones before it and
  * larger ones after (Hoare's selection). The median of three as pivot is never the only largest,
  * so both parts of a partition are shorter than the whole. */
-static void select_rank(wh_vec3 *point, size_t n, size_t rank, uint32_t axis)
+static void select_rank(wh_kdpoint *point, size_t n, size_t rank, uint32_t axis)
 {
 	size_t lo = 0, hi = n - 1;
 	while (lo < hi) {
-		const double a = wh_axis(&point[lo], axis), d = wh_axis(&point[hi], axis);
-		const double b = wh_axis(&point[lo + (hi - lo) / 2], axis);
+		const double a = axis_of(&point[lo], axis), d = axis_of(&point[hi], axis);
+		const double b = axis_of(&point[lo + (hi - lo) / 2], axis);
 		const double pivot = fmax(fmin(a, b), fmin(fmax(a, b), d));
 		size_t i = lo, j = hi;
 		for (;;) {
-			while (wh_axis(&point[i], axis) < pivot)
+			while (axis_of(&point[i], axis) < pivot)
 				i++;
-			while (wh_axis(&point[j], axis) > pivot)
+			while (axis_of(&point[j], axis) > pivot)
 				j--;
 			if (i >= j)
 				break;
@@ -76,43 +91,189 @@ static void select_rank(wh_vec3 *point, size_t n, size_t rank, uint32_t axis)
 	}
 }
 
-static void build(builder *b, wh_vec3 *point, size_t n, uint32_t cells)
+/* Cells that go left of the middle. */
+static uint32_t left_cells(const builder *b, uint32_t cells)
 {
-	wh_kdnode *node = &b->node[b->used++];
-	if (cells == 1) {
-		*node = (wh_kdnode){.axis = 3, .right = b->cells++};
-		return;
-	}
-	uint32_t left = (uint32_t)(b->skew * (double)cells + 0.5);
-	left = left < 1 ? 1 : left >= cells ? cells - 1 : left;
-	const uint32_t axis = n ? widest_axis(point, n) : 0;
-	/* With two or three cells the share of cells alone would repeat the same cut. */
-	const double share = cells <= 3 ? ((double)left / (double)cells + b->skew) / 2
-	                                : (double)left / (double)cells;
-	size_t rank = (size_t)(share * (double)n);
-	if (n) {
-		rank = rank < n ? rank : n - 1;
-		select_rank(point, n, rank, axis);
-		node->cut = wh_axis(&point[rank], axis);
-	} else {
-		node->cut = 0;
-	}
-	node->axis = axis;
-	build(b, point, rank, left);
-	node->right = b->used;
-	build(b, point + rank, n - rank, cells - left);
+	const uint32_t left = (uint32_t)(b->skew * (double)cells + 0.5);
+	return left < 1 ? 1 : left >= cells ? cells - 1 : left;
 }
 
-wh_code wh_kdtree_build(wh_ctx *c, wh_kdtree *t, wh_vec3 *point, size_t n, uint32_t cells,
+/* Points that should lie left of the middle. With two or three cells the share of cells alone
+ * would repeat the same cut. */
+static size_t left_points(const builder *b, size_t n, uint32_t cells, uint32_t left)
+{
+	const double part = (double)left / (double)cells;
+	const double share = cells <= 3 ? (part + b->skew) / 2 : part;
+	const size_t rank = (size_t)(share * (double)n);
+	return rank < n ? rank : n - 1;
+}
+
+/* Moves the points whose coordinate is less than `cut` to the front; returns their number. */
+static size_t part_points(wh_kdpoint *point, size_t n, uint32_t axis, double cut)
+{
+	size_t below = 0;
+	for (size_t i = 0; i < n; i++)
+		if (axis_of(&point[i], axis) < cut)
+			swap_points(&point[below++], &point[i]);
+	return below;
+}
+
+static size_t distance(size_t a, size_t b)
+{
+	return a > b ? a - b : b - a;
+}
+
+/* Cuts beside a heap, those of the points that have the coordinate of point[rank] in common: on
+ * the side that is nearer to rank, and where there are points on both sides. Returns the number of
+ * points on the left; 0 when all points are in the heap. */
+static size_t cut_beside(wh_kdpoint *point, size_t n, size_t rank, uint32_t axis, double *cut)
+{
+	const double heap = axis_of(&point[rank], axis);
+	double above = INFINITY;
+	size_t below = 0, upto = 0;
+	for (size_t i = 0; i < n; i++) {
+		const double x = axis_of(&point[i], axis);
+		below += x < heap;
+		upto += x <= heap;
+		if (x > heap)
+			above = fmin(above, x);
+	}
+	const bool over = upto < n && (below == 0 || distance(upto, rank) < distance(below, rank));
+	*cut = over ? above : heap;
+	return over || below > 0 ? part_points(point, n, axis, *cut) : 0;
+}
+
+static size_t count_below(const wh_kdpoint *point, size_t n, uint32_t axis, double cut)
+{
+	size_t below = 0;
+	for (size_t i = 0; i < n; i++)
+		below += axis_of(&point[i], axis) < cut;
+	return below;
+}
+
+/*
+ * Chooses the cut of a node and the cells and points on its left. A cut through a heap leaves the
+ * heap on its right. That is well for the rows of a grid; but when it would take the points of more
+ * than half a cell from the left, the cut goes beside the heap, along any axis that has something
+ * beside it, else across the ids, and the cells are shared out by the points.
+ */
+static size_t choose_cut(const builder *b, wh_kdpoint *point, size_t n, uint32_t cells,
+                         wh_kdnode *node, uint32_t *left)
+{
+	*left = left_cells(b, cells);
+	node->axis = n ? widest_axis(point, n) : 0;
+	if (n == 0)
+		return 0;
+	const size_t rank = left_points(b, n, cells, *left);
+	select_rank(point, n, rank, node->axis);
+	node->cut = axis_of(&point[rank], node->axis);
+	const size_t missing = rank - count_below(point, rank, node->axis, node->cut);
+	if ((double)missing * 2 * (double)cells <= (double)n)
+		return rank;
+	const uint32_t widest = node->axis;
+	for (uint32_t i = 0; i < 3; i++) {
+		node->axis = (widest + i) % 3;
+		select_rank(point, n, rank, node->axis);
+		const size_t below = cut_beside(point, n, rank, node->axis, &node->cut);
+		if (below == 0)
+			continue;
+		const double share = (double)below / (double)n;
+		*left = (uint32_t)(share * (double)cells + 0.5);
+		*left = *left < 1 ? 1 : *left >= cells ? cells - 1 : *left;
+		return below;
+	}
+	node->axis = WH_KD_ID;
+	select_rank(point, n, rank, WH_KD_ID);
+	node->cut = point[rank].id;
+	return rank;
+}
+
+/* The middle of the widest gap between `lo`, the n coordinates in b->clear, and `hi`. */
+static double widest_gap(const builder *b, size_t n, double lo, double hi)
+{
+	double best = lo, width = -1, last = lo;
+	qsort(b->clear, n, sizeof *b->clear, compare_double);
+	for (size_t i = 0; i <= n; i++) {
+		const double next = i < n ? b->clear[i] : hi;
+		if (next < lo || last > hi)
+			continue;
+		const double from = fmax(last, lo), to = fmin(next, hi);
+		if (to - from > width) {
+			width = to - from;
+			best = from + width / 2;
+		}
+		last = next;
+	}
+	return best;
+}
+
+/* Moves a cut a little to where it is far from the points of `c`. Returns the number of points on
+ * its left. */
+static size_t keep_away(const builder *b, wh_kdpoint *point, size_t n, size_t below,
+                        wh_kdnode *node, const clearing *c)
+{
+	const size_t shift = (size_t)(SHIFT * (double)n);
+	if (c->n == 0 || node->axis == WH_KD_ID || below <= shift || below + shift >= n)
+		return below;
+	select_rank(point, n, below - shift, node->axis);
+	const double lo = axis_of(&point[below - shift], node->axis);
+	select_rank(point, n, below + shift, node->axis);
+	const double hi = axis_of(&point[below + shift], node->axis);
+	for (size_t i = 0; i < c->n; i++)
+		b->clear[i] = wh_kd_axis(&c->point[i], 0, node->axis);
+	node->cut = widest_gap(b, c->n, lo, hi);
+	return part_points(point, n, node->axis, node->cut);
+}
+
+static size_t part_clearing(const clearing *c, const wh_kdnode *node)
+{
+	size_t below = 0;
+	for (size_t i = 0; i < c->n; i++) {
+		const wh_vec3 p = c->point[i];
+		if (node->axis != WH_KD_ID && !(wh_kd_axis(&p, 0, node->axis) < node->cut))
+			continue;
+		c->point[i] = c->point[below];
+		c->point[below++] = p;
+	}
+	return below;
+}
+
+static void build(builder *b, wh_kdpoint *point, size_t n, uint32_t cells, clearing clear)
+{
+	wh_kdnode *node = &b->node[b->used++];
+	*node = (wh_kdnode){.axis = WH_KD_CELL};
+	if (cells == 1) {
+		node->right = b->cells++;
+		return;
+	}
+	uint32_t left;
+	size_t n_left = choose_cut(b, point, n, cells, node, &left);
+	n_left = keep_away(b, point, n, n_left, node, &clear);
+	const size_t c_left = part_clearing(&clear, node);
+	build(b, point, n_left, left, (clearing){clear.point, c_left});
+	node->right = b->used;
+	build(b, point + n_left, n - n_left, cells - left,
+	      (clearing){clear.point + c_left, clear.n - c_left});
+}
+
+wh_code wh_kdtree_build(wh_ctx *c, wh_kdtree *t, wh_kdpoint *point, size_t n, uint32_t cells,
                         double skew)
+{
+	return wh_kdtree_build_clear(c, t, point, n, cells, skew, NULL, 0);
+}
+
+wh_code wh_kdtree_build_clear(wh_ctx *c, wh_kdtree *t, wh_kdpoint *point, size_t n, uint32_t cells,
+                              double skew, wh_vec3 *clear, size_t n_clear)
 {
 	*t = (wh_kdtree){.cells = cells};
 	t->node = wh_alloc(c, 2 * (size_t)cells - 1, sizeof *t->node);
-	if (!t->node)
-		return c->err.code;
-	builder b = {.node = t->node, .skew = skew};
-	build(&b, point, n, cells);
-	return WH_OK;
+	builder b = {.node = t->node, .skew = skew, .clear = NULL};
+	if (n_clear)
+		b.clear = wh_alloc(c, n_clear, sizeof *b.clear);
+	if (t->node && (b.clear || !n_clear))
+		build(&b, point, n, cells, (clearing){clear, n_clear});
+	wh_free(c, b.clear);
+	return c->err.code;
 }
 
 void wh_kdtree_free(wh_ctx *c, wh_kdtree *t)

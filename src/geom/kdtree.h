@@ -3,8 +3,9 @@
  *
  * Built from a sample of points; the cells are numbered in tree order, so that cells with near
  * numbers are near in space. Cuts go across the axis along which the middle nine tenths of the
- * points spread widest: a few outliers do not decide it. The same sample and parameters give the
- * same tree.
+ * points spread widest: a few outliers do not decide it. Points in one place are told apart by
+ * their ids, the fourth axis, so that no heap of coincident points is too large for its cells. The
+ * same sample and parameters give the same tree.
  */
 #ifndef WH_GEOM_KDTREE_H
 #define WH_GEOM_KDTREE_H
@@ -12,9 +13,16 @@
 #include "base/mem.h"
 #include "geom/vec3.h"
 
+typedef struct wh_kdpoint {
+	wh_vec3 pos;
+	double id; /* below 2^53, so that it is exact; different for every point */
+} wh_kdpoint;
+
+enum { WH_KD_ID = 3, WH_KD_CELL = 4 };
+
 typedef struct wh_kdnode {
 	double cut;     /* coordinate < cut: left */
-	uint32_t axis;  /* 0, 1, 2; 3: a cell */
+	uint32_t axis;  /* 0, 1, 2; WH_KD_ID; WH_KD_CELL */
 	uint32_t right; /* inner: index of the right child (left is the next node); cell: number */
 } wh_kdnode;
 
@@ -28,21 +36,32 @@ typedef struct wh_kdtree {
  * the share of the cells that goes left at each cut: trees with different skews cut in different
  * places.
  */
-wh_code wh_kdtree_build(wh_ctx *c, wh_kdtree *t, wh_vec3 *point, size_t n, uint32_t cells,
+wh_code wh_kdtree_build(wh_ctx *c, wh_kdtree *t, wh_kdpoint *point, size_t n, uint32_t cells,
                         double skew);
+/* The same, with cuts that keep away from other points, n_clear of them, as well as moving each
+ * cut by a fiftieth of the node's points allows. Reorders both. */
+wh_code wh_kdtree_build_clear(wh_ctx *c, wh_kdtree *t, wh_kdpoint *point, size_t n, uint32_t cells,
+                              double skew, wh_vec3 *clear, size_t n_clear);
 void wh_kdtree_free(wh_ctx *c, wh_kdtree *t);
 
-static inline double wh_axis(const wh_vec3 *p, uint32_t axis)
+/* Bytes of a tree of so many cells. */
+static inline size_t wh_kdtree_bytes(uint32_t cells)
 {
-	return axis == 0 ? p->x : axis == 1 ? p->y : p->z;
+	return 2 * (size_t)cells * sizeof(wh_kdnode);
 }
 
-/* The cell that p lies in. */
-static inline uint32_t wh_kdtree_cell(const wh_kdtree *t, const wh_vec3 *p)
+static inline double wh_kd_axis(const wh_vec3 *p, double id, uint32_t axis)
+{
+	return axis == 0 ? p->x : axis == 1 ? p->y : axis == 2 ? p->z : id;
+}
+
+/* The cell that the point `id` at p lies in. */
+static inline uint32_t wh_kdtree_cell(const wh_kdtree *t, const wh_vec3 *p, uint64_t id)
 {
 	uint32_t i = 0;
-	while (t->node[i].axis < 3)
-		i = wh_axis(p, t->node[i].axis) < t->node[i].cut ? i + 1 : t->node[i].right;
+	while (t->node[i].axis != WH_KD_CELL)
+		i = wh_kd_axis(p, (double)id, t->node[i].axis) < t->node[i].cut ? i + 1
+		                                                                : t->node[i].right;
 	return t->node[i].right;
 }
 

@@ -2,33 +2,18 @@
 
 #include <string.h>
 
-static wh_code grow(wh_ctx *c, void *array_ptr, size_t count, size_t size)
-{
-	void *fresh = wh_alloc(c, count, size);
-	if (!fresh)
-		return c->err.code;
-	void *old;
-	memcpy(&old, array_ptr, sizeof old);
-	wh_free(c, old);
-	memcpy(array_ptr, &fresh, sizeof fresh);
-	return WH_OK;
-}
-
 wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf)
 {
-	if (nv > p->cap_v) {
-		p->cap_v = 0;
-		if (grow(c, &p->pos, nv, sizeof *p->pos) || grow(c, &p->gid, nv, sizeof *p->gid) ||
-		    grow(c, &p->flag, nv, sizeof *p->flag) || grow(c, &p->err, nv, sizeof *p->err))
-			return c->err.code;
-		p->cap_v = nv;
-	}
-	if (nf > p->cap_f) {
-		p->cap_f = 0;
-		if (grow(c, &p->tri, nf, 3 * sizeof *p->tri))
-			return c->err.code;
-		p->cap_f = nf;
-	}
+	size_t pos = p->cap_v, gid = p->cap_v, flag = p->cap_v, err = p->cap_v, tri = p->cap_f;
+	p->cap_v = p->cap_f = 0;
+	if (wh_renew(c, &p->pos, &pos, nv, sizeof *p->pos) != WH_OK ||
+	    wh_renew(c, &p->gid, &gid, nv, sizeof *p->gid) != WH_OK ||
+	    wh_renew(c, &p->flag, &flag, nv, sizeof *p->flag) != WH_OK ||
+	    wh_renew(c, &p->err, &err, nv, sizeof *p->err) != WH_OK ||
+	    wh_renew(c, &p->tri, &tri, nf, 3 * sizeof *p->tri) != WH_OK)
+		return c->err.code;
+	p->cap_v = (uint32_t)pos;
+	p->cap_f = (uint32_t)tri;
 	p->nv = nv;
 	p->nf = nf;
 	return WH_OK;

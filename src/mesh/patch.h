@@ -30,8 +30,15 @@ typedef struct wh_patch {
 } wh_patch;
 
 /* Makes room for nv vertices and nf faces (contents lost) and sets the counts. An empty patch
- * ({0}) may grow. On failure the patch keeps its old arrays. */
+ * ({0}) may grow. On failure the patch is fit for nothing but another reset, or to be freed. */
 wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf);
+
+/* Bytes of a patch of these counts. */
+static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf)
+{
+	return (size_t)nv * 37 + (size_t)nf * 12;
+}
+
 void wh_patch_free(wh_ctx *c, wh_patch *p);
 
 /* Drops vertices without faces; keeps the order. `map` is scratch for nv entries. Returns the

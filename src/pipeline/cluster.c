@@ -74,11 +74,11 @@ static wh_code cut_tree(wh_ctx *c, const wh_patch *p, uint32_t cells, wh_kdtree 
 {
 	const uint32_t stride = p->nv / SAMPLE + 1;
 	const uint32_t n = (p->nv + stride - 1) / stride;
-	wh_vec3 *sample = wh_alloc(c, n, sizeof *sample);
+	wh_kdpoint *sample = wh_alloc(c, n, sizeof *sample);
 	if (!sample)
 		return wh_failed(c);
 	for (uint32_t i = 0; i < n; i++)
-		sample[i] = p->pos[(size_t)i * stride];
+		sample[i] = (wh_kdpoint){p->pos[(size_t)i * stride], (double)i * stride};
 	const wh_code code = wh_kdtree_build(c, tree, sample, n, cells, SKEW);
 	wh_free(c, sample);
 	return code;
@@ -124,7 +124,7 @@ static wh_code cut(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t ce
 	if (cut_tree(c, p, cells, &tree) != WH_OK)
 		return c->err.code;
 	for (uint32_t v = 0; v < p->nv; v++)
-		w->local[v] = wh_kdtree_cell(&tree, &p->pos[v]);
+		w->local[v] = wh_kdtree_cell(&tree, &p->pos[v], v);
 	wh_kdtree_free(c, &tree);
 	group_faces(w, p, cells);
 	find_owners(w, p, cells);

@@ -2,53 +2,44 @@
  * The partition is a k-d tree over a sample of the vertices (geom/kdtree). A vertex is at home in
  * the cell it lies in; a face goes to the cell that most of its corners are at home in, or, when
  * all three differ, to the least. A vertex that is used by a face outside its home is a cut
- * vertex; (vertex, cluster) pairs of such uses are collected and sorted, and tell the last pass
- * where to send the vertex besides its home. They are few: the vertices along the cuts.
+ * vertex; such visits are collected, and tell the last pass where to send the vertex besides its
+ * home.
+ *
+ * Nothing that is held grows with the mesh beyond what the parameters say, whatever the order of
+ * the vertices: homes come in windows (pipeline/homes), visits spill (pipeline/visits), and the
+ * jobs of the last pass are cut by the records they send, not by vertices. All that grows is 16
+ * bytes a chunk of faces, and only with windows.
  */
 #include "pipeline/ingest.h"
 
+#include "base/sort.h"
 #include "geom/kdtree.h"
+#include "pipeline/homes.h"
+#include "pipeline/visits.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum {
-	CHUNK = 32 * 1024,   /* vertices or faces a job */
-	SAMPLE = 256 * 1024, /* vertices the tree is built from, up to twice as many ... */
-	SAMPLE_EACH = 64     /* ... and no fewer than this for a cluster */
+	CHUNK = 32 * 1024,       /* vertices, faces or records a job */
+	SAMPLE = 256 * 1024,     /* vertices the tree is built from, up to twice as many ... */
+	SAMPLE_EACH = 64,        /* ... and no fewer than this for a cluster */
+	BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster */
+	BUFFER_MOST = 256 * 1024,
+	WINDOW_LEAST = 1024 * 1024, /* vertices */
+	VISITS_MOST = 8 * 1024 * 1024
 };
-
-/* A use of a vertex outside its home. */
-typedef struct visit {
-	uint64_t gid;
-	uint32_t cluster;
-} visit;
-
-typedef struct visits {
-	visit *item;
-	size_t n, cap;
-} visits;
-
-/* Records of one chunk on their way to several clusters, grouped by cluster. */
-typedef struct parcel {
-	uint8_t *bytes;
-	uint32_t *cluster;   /* of each record */
-	uint32_t *order;     /* records by cluster, stable */
-	size_t cap, n, size; /* size: bytes of a record */
-} parcel;
 
 /* What one worker needs. */
 typedef struct bench {
 	void *raw;
 	double *xyz;
-	uint64_t *ids;
-	parcel out;
-	visits away;
+	uint64_t *ids;  /* corners of the faces at hand */
+	uint16_t *home; /* of the vertices or corners at hand */
+	wh_parcel out;
+	uint64_t *away; /* visits of the faces at hand: no more than two each */
+	size_t aways;
 	uint64_t degenerate;
 	wh_vec3 lo, hi;
-	wh_vec3 *sample;
-	size_t samples;
-	uint32_t *start; /* clusters + 1 counters, zero between uses */
 } bench;
 
 typedef struct ingest {
@@ -56,15 +47,16 @@ typedef struct ingest {
 	wh_store *store;
 	wh_progress *progress;
 	wh_ingest_result *result;
+	const wh_ingest_params *params;
 	uint32_t clusters;
 	bench *worker;
 	wh_kdtree tree;
-	wh_vec3 *sample;
-	size_t samples, sample_cap;
+	wh_kdpoint *sample;
 	uint64_t stride; /* every stride-th vertex is in the sample */
-	uint16_t *home;
-	visits away;
-	wh_store_writer *writer;
+	wh_homes homes;
+	wh_visits visits;
+	uint64_t first, end; /* vertices whose visits have been taken */
+	wh_dispatch out;
 } ingest;
 
 static size_t chunk_items(uint64_t total, int64_t index)
@@ -78,13 +70,24 @@ static int64_t chunks_of(uint64_t total)
 	return (int64_t)((total + CHUNK - 1) / CHUNK);
 }
 
-static size_t sample_size(uint32_t clusters)
+/* ---- pass 1: bounds and sample ------------------------------------------------------------ */
+
+static uint64_t sample_stride(const wh_source *src, uint32_t clusters)
 {
-	const size_t wanted = (size_t)SAMPLE_EACH * clusters;
-	return wanted > SAMPLE ? wanted : SAMPLE;
+	const uint64_t wanted = (uint64_t)SAMPLE_EACH * clusters;
+	return src->nv / (wanted > SAMPLE ? wanted : SAMPLE) + 1;
 }
 
-/* ---- pass 1: bounds and sample ------------------------------------------------------------ */
+static size_t sample_size(const wh_source *src, uint32_t clusters)
+{
+	const uint64_t stride = sample_stride(src, clusters);
+	return (size_t)((src->nv + stride - 1) / stride);
+}
+
+static wh_vec3 vertex_at(const bench *b, size_t i)
+{
+	return wh_v3(b->xyz[3 * i], b->xyz[3 * i + 1], b->xyz[3 * i + 2]);
+}
 
 static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
@@ -94,20 +97,20 @@ static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const size_t n = chunk_items(g->src->nv, index);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
 		return c->err.code;
-	b->lo = b->hi = wh_v3(b->xyz[0], b->xyz[1], b->xyz[2]);
-	b->samples = 0;
+	b->lo = b->hi = vertex_at(b, 0);
 	for (size_t i = 0; i < n; i++) {
-		const double *p = &b->xyz[3 * i];
-		b->lo = wh_v3(fmin(b->lo.x, p[0]), fmin(b->lo.y, p[1]), fmin(b->lo.z, p[2]));
-		b->hi = wh_v3(fmax(b->hi.x, p[0]), fmax(b->hi.y, p[1]), fmax(b->hi.z, p[2]));
+		const wh_vec3 p = vertex_at(b, i);
+		b->lo = wh_v3(fmin(b->lo.x, p.x), fmin(b->lo.y, p.y), fmin(b->lo.z, p.z));
+		b->hi = wh_v3(fmax(b->hi.x, p.x), fmax(b->hi.y, p.y), fmax(b->hi.z, p.z));
 		if ((first + i) % g->stride == 0)
-			b->sample[b->samples++] = wh_v3(p[0], p[1], p[2]);
+			g->sample[(first + i) / g->stride] = (wh_kdpoint){p, (double)(first + i)};
 	}
 	return WH_OK;
 }
 
 static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
+	(void)c;
 	ingest *g = arg;
 	const bench *b = &g->worker[worker];
 	wh_ingest_result *r = g->result;
@@ -117,10 +120,6 @@ static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	r->lo = wh_v3(fmin(r->lo.x, b->lo.x), fmin(r->lo.y, b->lo.y), fmin(r->lo.z, b->lo.z));
 	r->hi = wh_v3(fmax(r->hi.x, b->hi.x), fmax(r->hi.y, b->hi.y), fmax(r->hi.z, b->hi.z));
-	if (wh_reserve(c, &g->sample, &g->sample_cap, g->samples + b->samples, sizeof *g->sample))
-		return c->err.code;
-	memcpy(g->sample + g->samples, b->sample, b->samples * sizeof *b->sample);
-	g->samples += b->samples;
 	wh_progress_add(g->progress, chunk_items(g->src->nv, index));
 	return WH_OK;
 }
@@ -132,12 +131,7 @@ static wh_vec3 choose_origin(const wh_source *src, const wh_ingest_result *r)
 	return src->is_double ? r->lo : wh_v3(0, 0, 0);
 }
 
-/* ---- pass 2: the cell of each vertex ------------------------------------------------------ */
-
-static wh_vec3 vertex_at(const bench *b, size_t i)
-{
-	return wh_v3(b->xyz[3 * i], b->xyz[3 * i + 1], b->xyz[3 * i + 2]);
-}
+/* ---- pass 2: the home of each vertex ------------------------------------------------------ */
 
 static wh_code home_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
@@ -149,140 +143,87 @@ static wh_code home_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
 		const wh_vec3 p = vertex_at(b, i);
-		g->home[first + i] = (uint16_t)wh_kdtree_cell(&g->tree, &p);
+		b->home[i] = (uint16_t)wh_kdtree_cell(&g->tree, &p, first + i);
 	}
 	wh_progress_add(g->progress, n);
-	return WH_OK;
-}
-
-/* ---- records to clusters ------------------------------------------------------------------ */
-
-static wh_code parcel_make(wh_ctx *c, parcel *p, size_t size, size_t cap)
-{
-	*p = (parcel){.size = size, .cap = cap};
-	p->bytes = wh_alloc(c, cap, size);
-	p->cluster = wh_alloc(c, cap, sizeof *p->cluster);
-	p->order = wh_alloc(c, cap, sizeof *p->order);
-	return p->bytes && p->cluster && p->order ? WH_OK : c->err.code;
-}
-
-static void parcel_free(wh_ctx *c, parcel *p)
-{
-	wh_free(c, p->bytes);
-	wh_free(c, p->cluster);
-	wh_free(c, p->order);
-	*p = (parcel){0};
-}
-
-/* Grows a parcel to hold one more record. */
-static wh_code parcel_room(wh_ctx *c, parcel *p)
-{
-	if (p->n < p->cap)
-		return WH_OK;
-	size_t cap_bytes = p->cap * p->size, cap_cluster = p->cap, cap_order = p->cap;
-	const size_t need = 2 * p->cap;
-	if (wh_reserve(c, &p->bytes, &cap_bytes, need * p->size, 1) != WH_OK ||
-	    wh_reserve(c, &p->cluster, &cap_cluster, need, sizeof *p->cluster) != WH_OK ||
-	    wh_reserve(c, &p->order, &cap_order, need, sizeof *p->order) != WH_OK)
-		return c->err.code;
-	p->cap = need;
-	return WH_OK;
-}
-
-/* Orders the records by cluster (counting sort; `start` holds clusters + 1 zeros, and again
- * afterwards). */
-static void parcel_sort(parcel *p, uint32_t clusters, uint32_t *start)
-{
-	for (size_t i = 0; i < p->n; i++)
-		start[p->cluster[i] + 1]++;
-	for (uint32_t k = 0; k < clusters; k++)
-		start[k + 1] += start[k];
-	for (size_t i = 0; i < p->n; i++)
-		p->order[start[p->cluster[i]]++] = (uint32_t)i;
-	memset(start, 0, ((size_t)clusters + 1) * sizeof *start);
-}
-
-static wh_code parcel_deliver(wh_ctx *c, ingest *g, const parcel *p, bool are_faces)
-{
-	for (size_t i = 0; i < p->n; i++) {
-		const uint32_t r = p->order[i], k = p->cluster[r];
-		wh_store_writer *w = &g->writer[k];
-		if (wh_store_append(c, g->store, k, w, p->bytes + r * p->size, p->size) != WH_OK)
-			return c->err.code;
-		if (are_faces)
-			w->faces++;
-		else
-			w->vertices++;
-	}
-	return WH_OK;
+	return wh_homes_put(c, &g->homes, first, n, b->home);
 }
 
 /* ---- pass 3: faces ------------------------------------------------------------------------ */
 
-static int compare_visits(const void *x, const void *y)
+static wh_code read_faces(wh_ctx *c, const ingest *g, bench *b, int64_t index, size_t *n)
 {
-	const visit *a = x, *b = y;
-	if (a->gid != b->gid)
-		return a->gid < b->gid ? -1 : 1;
-	return (a->cluster > b->cluster) - (a->cluster < b->cluster);
+	*n = chunk_items(g->src->nf, index);
+	return wh_source_triangles(c, g->src, (uint64_t)index * CHUNK, *n, b->ids, b->raw);
 }
 
-static void visits_unique(visits *v)
+/* With windows: homes of the corners inside the window at hand. */
+static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
-	if (v->n == 0)
-		return;
-	qsort(v->item, v->n, sizeof *v->item, compare_visits);
-	size_t kept = 1;
-	for (size_t i = 1; i < v->n; i++)
-		if (compare_visits(&v->item[i], &v->item[kept - 1]) != 0)
-			v->item[kept++] = v->item[i];
-	v->n = kept;
+	ingest *g = arg;
+	bench *b = &g->worker[worker];
+	size_t n;
+	wh_progress_add(g->progress, chunk_items(g->src->nf, index));
+	if (!wh_homes_wants(&g->homes, index))
+		return WH_OK;
+	const wh_code code = read_faces(c, g, b, index, &n);
+	if (code != WH_OK)
+		return code;
+	return wh_homes_fill(c, &g->homes, index, b->ids, 3 * n, b->home);
 }
 
-static wh_code visits_add(wh_ctx *c, visits *v, uint64_t gid, uint32_t cluster)
+static wh_code find_corners(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	if (wh_reserve(c, &v->item, &v->cap, v->n + 1, sizeof *v->item) != WH_OK)
-		return c->err.code;
-	v->item[v->n++] = (visit){gid, cluster};
+	const uint64_t windows = wh_homes_windows(&g->homes);
+	const int64_t chunks = chunks_of(g->src->nf);
+	g->result->windows = windows ? windows : 1;
+	if (windows == 0)
+		return WH_OK;
+	wh_progress_phase(g->progress, "corners", windows * g->src->nf);
+	for (uint64_t w = 0; w < windows; w++) {
+		if (wh_homes_window(c, &g->homes, w) != WH_OK)
+			return c->err.code;
+		for (int64_t i = 0; i < chunks; i++)
+			if (wh_homes_wants(&g->homes, i))
+				g->result->face_reads += chunk_items(g->src->nf, i);
+		const wh_code code = wh_exec_for(c, ex, chunks, corners_job, g);
+		if (code != WH_OK)
+			return code;
+	}
+	wh_homes_filled(c, &g->homes);
 	return WH_OK;
 }
 
-static void put_face(const wh_store *s, uint8_t *at, const uint64_t *t)
+/* Puts the face into the parcel and notes who is away from home for it. */
+static void send_face(const ingest *g, bench *b, const uint64_t *t, const uint16_t *home)
 {
-	if (s->id_bytes == 8) {
-		memcpy(at, t, 24);
+	if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+		b->degenerate++;
 		return;
 	}
-	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
-	memcpy(at, narrow, sizeof narrow);
+	const uint32_t k = wh_kdtree_majority(home[0], home[1], home[2]);
+	(void)wh_store_put_face(g->store, wh_parcel_add(&b->out, k), t);
+	for (int j = 0; j < 3; j++)
+		if (home[j] != k)
+			b->away[b->aways++] = wh_visit(t[j], k);
 }
 
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
-	const size_t n = chunk_items(g->src->nf, index);
-	const wh_code code =
-	    wh_source_triangles(c, g->src, (uint64_t)index * CHUNK, n, b->ids, b->raw);
+	size_t n;
+	const wh_code code = read_faces(c, g, b, index, &n);
 	if (code != WH_OK)
 		return code;
-	b->out.n = b->away.n = b->degenerate = 0;
-	for (size_t i = 0; i < n; i++) {
-		const uint64_t *t = &b->ids[3 * i];
-		if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
-			b->degenerate++;
-			continue;
-		}
-		const uint32_t home[3] = {g->home[t[0]], g->home[t[1]], g->home[t[2]]};
-		const uint32_t k = wh_kdtree_majority(home[0], home[1], home[2]);
-		put_face(g->store, b->out.bytes + b->out.n * b->out.size, t);
-		b->out.cluster[b->out.n++] = k;
-		for (int j = 0; j < 3; j++)
-			if (home[j] != k && visits_add(c, &b->away, t[j], k) != WH_OK)
-				return c->err.code;
-	}
-	visits_unique(&b->away);
-	parcel_sort(&b->out, g->clusters, b->start);
+	if (wh_homes_corners(c, &g->homes, index, b->ids, 3 * n, b->home) != WH_OK ||
+	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) != WH_OK)
+		return c->err.code;
+	b->aways = b->degenerate = 0;
+	for (size_t i = 0; i < n; i++)
+		send_face(g, b, &b->ids[3 * i], &b->home[3 * i]);
+	b->aways = wh_sort_unique(b->away, b->aways);
+	wh_parcel_sort(&b->out);
 	return WH_OK;
 }
 
@@ -290,27 +231,29 @@ static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	const bench *b = &g->worker[worker];
-	const size_t n = g->away.n + b->away.n;
-	if (wh_reserve(c, &g->away.item, &g->away.cap, n, sizeof(visit)) != WH_OK)
-		return c->err.code;
-	if (b->away.n)
-		memcpy(g->away.item + g->away.n, b->away.item, b->away.n * sizeof(visit));
-	g->away.n = n;
 	g->result->degenerate += b->degenerate;
 	g->result->faces += b->out.n;
 	wh_progress_add(g->progress, chunk_items(g->src->nf, index));
-	return parcel_deliver(c, g, &b->out, true);
+	if (wh_visits_add(c, &g->visits, b->away, b->aways) != WH_OK)
+		return c->err.code;
+	return wh_dispatch_faces(c, &g->out, &b->out);
 }
 
 /* ---- pass 4: vertices --------------------------------------------------------------------- */
 
-/* First visit of a vertex >= gid. */
-static size_t visits_from(const visits *v, uint64_t gid)
+/* Records that the taken vertices below `gid` are sent as: one for their home, one a visit. */
+static uint64_t records_below(const ingest *g, uint64_t gid)
 {
-	size_t lo = 0, hi = v->n;
+	return gid - g->first + wh_visits_find(&g->visits, gid);
+}
+
+/* The first of the taken vertices that has so many records or more before it. */
+static uint64_t vertex_of_record(const ingest *g, uint64_t record)
+{
+	uint64_t lo = g->first, hi = g->end;
 	while (lo < hi) {
-		const size_t mid = lo + (hi - lo) / 2;
-		if (v->item[mid].gid < gid)
+		const uint64_t mid = lo + (hi - lo) / 2;
+		if (records_below(g, mid) < record)
 			lo = mid + 1;
 		else
 			hi = mid;
@@ -318,50 +261,73 @@ static size_t visits_from(const visits *v, uint64_t gid)
 	return lo;
 }
 
-static wh_code send_vertex(wh_ctx *c, ingest *g, parcel *out, uint32_t cluster, uint64_t gid,
-                           bool cut, wh_vec3 p)
+static void send_vertex(const ingest *g, bench *b, uint32_t cluster, uint64_t gid, bool cut,
+                        wh_vec3 p)
 {
-	if (parcel_room(c, out) != WH_OK)
-		return c->err.code;
-	(void)wh_store_put_vertex(g->store, out->bytes + out->n * out->size, gid,
+	(void)wh_store_put_vertex(g->store, wh_parcel_add(&b->out, cluster), gid,
 	                          cut ? WH_CUT | WH_NEVER : 0, p, 0);
-	out->cluster[out->n++] = cluster;
-	return WH_OK;
 }
 
+/* Sends about CHUNK records: those of the vertices that begin in this part of all. */
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
-	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(g->src->nv, index);
-	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
+	const uint64_t first = vertex_of_record(g, (uint64_t)index * CHUNK);
+	const size_t n = (size_t)(vertex_of_record(g, ((uint64_t)index + 1) * CHUNK) - first);
+	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK ||
+	    wh_homes_get(c, &g->homes, first, n, b->home) != WH_OK ||
+	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_vertex_bytes(g->store),
+	                    CHUNK + g->clusters) != WH_OK)
 		return c->err.code;
-	b->out.n = 0;
-	size_t v = visits_from(&g->away, first);
+	const wh_visits *v = &g->visits;
+	size_t at = wh_visits_find(v, first);
 	for (size_t i = 0; i < n; i++) {
 		const uint64_t gid = first + i;
 		const wh_vec3 p = wh_sub(vertex_at(b, i), g->result->origin);
-		const bool cut = v < g->away.n && g->away.item[v].gid == gid;
-		if (send_vertex(c, g, &b->out, g->home[gid], gid, cut, p) != WH_OK)
-			return c->err.code;
-		for (; v < g->away.n && g->away.item[v].gid == gid; v++)
-			if (send_vertex(c, g, &b->out, g->away.item[v].cluster, gid, cut, p) !=
-			    WH_OK)
-				return c->err.code;
+		const bool cut = at < v->n && wh_visit_vertex(v->item[at]) == gid;
+		send_vertex(g, b, b->home[i], gid, cut, p);
+		for (; at < v->n && wh_visit_vertex(v->item[at]) == gid; at++)
+			send_vertex(g, b, wh_visit_cluster(v->item[at]), gid, cut, p);
 	}
-	parcel_sort(&b->out, g->clusters, b->start);
+	wh_parcel_sort(&b->out);
+	wh_progress_add(g->progress, n);
 	return WH_OK;
 }
 
 static wh_code vertex_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
+	(void)index;
 	ingest *g = arg;
-	wh_progress_add(g->progress, chunk_items(g->src->nv, index));
-	return parcel_deliver(c, g, &g->worker[worker].out, false);
+	return wh_dispatch_vertices(c, &g->out, &g->worker[worker].out);
 }
 
-/* ---- all of it ---------------------------------------------------------------------------- */
+static uint64_t count_vertices(const wh_visits *v)
+{
+	uint64_t n = 0;
+	for (size_t i = 0; i < v->n; i++)
+		n += i == 0 || wh_visit_vertex(v->item[i]) != wh_visit_vertex(v->item[i - 1]);
+	return n;
+}
+
+static wh_code send_vertices(wh_ctx *c, const wh_exec *ex, ingest *g)
+{
+	wh_progress_phase(g->progress, "vertices", g->src->nv);
+	if (wh_visits_seal(c, &g->visits) != WH_OK)
+		return c->err.code;
+	for (g->first = 0; g->first < g->src->nv; g->first = g->end) {
+		if (wh_visits_take(c, &g->visits, g->first) != WH_OK)
+			return c->err.code;
+		g->end = g->visits.end;
+		g->result->cut_vertices += count_vertices(&g->visits);
+		const int64_t jobs = chunks_of(records_below(g, g->end));
+		if (wh_exec_ordered(c, ex, jobs, vertex_job, vertex_commit, g) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
+}
+
+/* ---- memory ------------------------------------------------------------------------------- */
 
 static size_t larger(size_t a, size_t b)
 {
@@ -373,23 +339,99 @@ static size_t raw_bytes(const wh_source *src)
 	return larger(wh_source_vertex_bytes(src, CHUNK), wh_source_triangle_bytes(src, CHUNK));
 }
 
+static void describe_store(const wh_source *src, const wh_ingest_params *params, wh_store *store)
+{
+	store->clusters = params->clusters;
+	store->id_bytes = src->nv < (uint64_t)1 << 30 ? 4 : 8;
+	store->coord_bytes = src->is_double ? 8 : 4;
+	store->vertex_payload = 0;
+	store->local_corners = false;
+}
+
+static size_t bench_bytes(const wh_source *src, const wh_ingest_params *params)
+{
+	wh_store store;
+	describe_store(src, params, &store);
+	const size_t record = larger(wh_store_face_bytes(&store), wh_store_vertex_bytes(&store));
+	const size_t each =
+	    3 * sizeof(double) + 3 * sizeof(uint64_t) + 3 * sizeof(uint16_t) + 2 * sizeof(uint64_t);
+	return raw_bytes(src) + CHUNK * each +
+	       wh_parcel_bytes(params->clusters, record, CHUNK + params->clusters) + 1024;
+}
+
+static wh_homes_params homes_params(const wh_source *src, const wh_ingest_params *params)
+{
+	return (wh_homes_params){.vertices = src->nv,
+	                         .window = params->window,
+	                         .chunks = (uint64_t)chunks_of(src->nf),
+	                         .chunk_corners = 3 * (size_t)CHUNK};
+}
+
+static size_t visits_room(const wh_ingest_params *params)
+{
+	return larger(params->visits, wh_visits_least(params->clusters));
+}
+
+size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_params *params)
+{
+	const wh_homes_params hp = homes_params(src, params);
+	const size_t always = (size_t)ex->workers * bench_bytes(src, params) +
+	                      wh_kdtree_bytes(params->clusters) + 1024;
+	const size_t sample = sample_size(src, params->clusters) * sizeof(wh_kdpoint);
+	const size_t out = wh_homes_bytes_after(&hp) + wh_visits_bytes(visits_room(params)) +
+	                   wh_dispatch_bytes(params->clusters, params->buffer);
+	return always + larger(larger(sample, wh_homes_bytes(&hp)), out);
+}
+
+/* As few windows as fit, of one size, given that the smallest size fits. */
+static void fit_window(const wh_source *src, size_t budget, const wh_exec *ex,
+                       wh_ingest_params *params)
+{
+	params->window = 0;
+	if (wh_ingest_bytes(src, ex, params) <= budget)
+		return;
+	uint64_t windows = 2;
+	for (;; windows++) {
+		params->window = (src->nv + windows - 1) / windows;
+		if (params->window <= WINDOW_LEAST || wh_ingest_bytes(src, ex, params) <= budget)
+			break;
+	}
+	if (params->window < WINDOW_LEAST)
+		params->window = WINDOW_LEAST;
+}
+
+size_t wh_ingest_fit(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest_params *params)
+{
+	params->buffer = BUFFER_LEAST;
+	params->visits = 0;
+	params->window = WINDOW_LEAST;
+	while (ex->workers > 1 && wh_ingest_bytes(src, ex, params) > budget)
+		ex->workers--;
+	const size_t least = wh_ingest_bytes(src, ex, params);
+	if (least > budget)
+		return least;
+	fit_window(src, budget, ex, params);
+	/* of what is left, a half for write buffers and a quarter for visits */
+	const size_t spare = budget - wh_ingest_bytes(src, ex, params);
+	const size_t buffer = BUFFER_LEAST + spare / 2 / params->clusters;
+	params->buffer = buffer < BUFFER_MOST ? buffer : BUFFER_MOST;
+	const size_t visits = wh_visits_least(params->clusters) + spare / 4 / sizeof(uint64_t);
+	params->visits = visits < VISITS_MOST ? visits : VISITS_MOST;
+	return wh_ingest_bytes(src, ex, params);
+}
+
 static wh_code benches_make(wh_ctx *c, ingest *g, int workers)
 {
-	const size_t face = 3 * (size_t)g->store->id_bytes;
-	const size_t record = larger(face, wh_store_vertex_bytes(g->store));
 	g->worker = wh_calloc(c, (size_t)workers, sizeof *g->worker);
 	for (int i = 0; g->worker && i < workers; i++) {
 		bench *b = &g->worker[i];
 		b->raw = wh_alloc(c, raw_bytes(g->src), 1);
 		b->xyz = wh_alloc(c, CHUNK, 3 * sizeof *b->xyz);
 		b->ids = wh_alloc(c, CHUNK, 3 * sizeof *b->ids);
-		b->sample = wh_alloc(c, CHUNK, sizeof *b->sample);
-		b->start = wh_calloc(c, (size_t)g->clusters + 1, sizeof *b->start);
-		if (!b->raw || !b->xyz || !b->ids || !b->sample || !b->start ||
-		    parcel_make(c, &b->out, record, CHUNK) != WH_OK)
-			return c->err.code;
+		b->home = wh_alloc(c, CHUNK, 3 * sizeof *b->home);
+		b->away = wh_alloc(c, CHUNK, 2 * sizeof *b->away);
 	}
-	return g->worker ? WH_OK : c->err.code;
+	return c->err.code;
 }
 
 static void benches_free(wh_ctx *c, ingest *g, int workers)
@@ -399,109 +441,84 @@ static void benches_free(wh_ctx *c, ingest *g, int workers)
 		wh_free(c, b->raw);
 		wh_free(c, b->xyz);
 		wh_free(c, b->ids);
-		wh_free(c, b->sample);
-		wh_free(c, b->start);
-		wh_free(c, b->away.item);
-		parcel_free(c, &b->out);
+		wh_free(c, b->home);
+		wh_free(c, b->away);
+		wh_parcel_free(c, &b->out);
 	}
 	wh_free(c, g->worker);
 }
 
-static void set_record_size(ingest *g, int workers, size_t size)
-{
-	for (int i = 0; i < workers; i++)
-		g->worker[i].out.size = size;
-}
+/* ---- all of it ---------------------------------------------------------------------------- */
 
-static wh_code writers_begin(wh_ctx *c, ingest *g, size_t buffer)
+static wh_code build_tree(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	g->writer = wh_calloc(c, g->clusters, sizeof *g->writer);
-	for (uint32_t k = 0; g->writer && k < g->clusters; k++)
-		if (wh_store_begin(c, g->store, k, &g->writer[k], buffer) != WH_OK)
-			return c->err.code;
-	return g->writer ? WH_OK : c->err.code;
-}
-
-static wh_code writers_commit(wh_ctx *c, ingest *g)
-{
-	for (uint32_t k = 0; k < g->clusters; k++)
-		if (wh_store_commit(c, g->store, k, &g->writer[k]) != WH_OK)
-			return c->err.code;
-	return WH_OK;
-}
-
-static wh_code partition(wh_ctx *c, const wh_exec *ex, ingest *g)
-{
-	const int64_t n = chunks_of(g->src->nv);
-	g->stride = g->src->nv / sample_size(g->clusters) + 1;
+	const size_t samples = sample_size(g->src, g->clusters);
+	g->stride = sample_stride(g->src, g->clusters);
+	g->sample = wh_alloc(c, samples, sizeof *g->sample);
+	if (!g->sample)
+		return c->err.code;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
-	if (wh_exec_ordered(c, ex, n, bounds_job, bounds_commit, g) != WH_OK)
+	if (wh_exec_ordered(c, ex, chunks_of(g->src->nv), bounds_job, bounds_commit, g) != WH_OK)
 		return c->err.code;
 	g->result->origin = choose_origin(g->src, g->result);
-	if (wh_kdtree_build(c, &g->tree, g->sample, g->samples, g->clusters, 0.5) != WH_OK)
+	if (wh_kdtree_build(c, &g->tree, g->sample, samples, g->clusters, 0.5) != WH_OK)
 		return c->err.code;
 	wh_free(c, g->sample);
 	g->sample = NULL;
-	g->home = wh_alloc(c, g->src->nv, sizeof *g->home);
-	if (!g->home)
-		return c->err.code;
-	wh_progress_phase(g->progress, "partition", g->src->nv);
-	return wh_exec_for(c, ex, n, home_job, g);
+	return WH_OK;
 }
 
-static wh_code distribute(wh_ctx *c, const wh_exec *ex, ingest *g, size_t buffer)
+static wh_code find_homes(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	if (writers_begin(c, g, buffer) != WH_OK)
+	const wh_homes_params hp = homes_params(g->src, g->params);
+	if (wh_homes_open(c, &g->homes, g->store->spill, &hp) != WH_OK)
 		return c->err.code;
-	set_record_size(g, ex->workers, 3 * (size_t)g->store->id_bytes);
+	wh_progress_phase(g->progress, "partition", g->src->nv);
+	if (wh_exec_for(c, ex, chunks_of(g->src->nv), home_job, g) != WH_OK)
+		return c->err.code;
+	return find_corners(c, ex, g);
+}
+
+static wh_code distribute(wh_ctx *c, const wh_exec *ex, ingest *g)
+{
+	if (wh_visits_open(c, &g->visits, g->store->spill, g->src->nv, visits_room(g->params)) !=
+	        WH_OK ||
+	    wh_dispatch_begin(c, &g->out, g->store, g->params->buffer) != WH_OK)
+		return c->err.code;
 	wh_progress_phase(g->progress, "faces", g->src->nf);
+	g->result->face_reads += g->src->nf;
 	const wh_code code =
 	    wh_exec_ordered(c, ex, chunks_of(g->src->nf), face_job, face_commit, g);
 	if (code != WH_OK)
 		return code;
-	visits_unique(&g->away);
-	for (size_t i = 0; i < g->away.n; i++)
-		g->result->cut_vertices += i == 0 || g->away.item[i].gid != g->away.item[i - 1].gid;
-	set_record_size(g, ex->workers, wh_store_vertex_bytes(g->store));
-	wh_progress_phase(g->progress, "vertices", g->src->nv);
-	if (wh_exec_ordered(c, ex, chunks_of(g->src->nv), vertex_job, vertex_commit, g) != WH_OK)
+	if (send_vertices(c, ex, g) != WH_OK)
 		return c->err.code;
-	return writers_commit(c, g);
-}
-
-size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_params *params)
-{
-	const size_t bench_bytes = raw_bytes(src) + CHUNK * (size_t)(24 + 24 + 24 + 40 + 16);
-	const size_t writers = (size_t)params->clusters * (params->buffer + 1024);
-	const size_t sample = 2 * sample_size(params->clusters) * sizeof(wh_vec3);
-	const size_t table = (size_t)src->nv * sizeof(uint16_t);
-	return (size_t)ex->workers * bench_bytes + larger(sample, writers) + table;
+	return wh_dispatch_commit(c, &g->out);
 }
 
 wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
                   const wh_ingest_params *params, wh_store *store, wh_ingest_result *result)
 {
 	*result = (wh_ingest_result){0};
-	store->clusters = params->clusters;
-	store->id_bytes = src->nv < (uint64_t)1 << 30 ? 4 : 8;
-	store->coord_bytes = src->is_double ? 8 : 4;
-	store->vertex_payload = 0;
-	store->local_corners = false;
+	if (src->nv > WH_VISIT_VERTICES)
+		return wh_fail(c, WH_E_PLAN, "%s: more than 2^48 vertices", src->path);
+	describe_store(src, params, store);
 	ingest g = {.src = src,
 	            .store = store,
 	            .progress = progress,
 	            .result = result,
+	            .params = params,
 	            .clusters = params->clusters};
 	wh_code code = benches_make(c, &g, ex->workers);
 	if (code == WH_OK)
-		code = partition(c, ex, &g);
+		code = build_tree(c, ex, &g);
 	if (code == WH_OK)
-		code = distribute(c, ex, &g, params->buffer);
-	for (uint32_t k = 0; g.writer && k < g.clusters; k++)
-		wh_store_drop(c, &g.writer[k]);
-	wh_free(c, g.writer);
-	wh_free(c, g.away.item);
-	wh_free(c, g.home);
+		code = find_homes(c, ex, &g);
+	if (code == WH_OK)
+		code = distribute(c, ex, &g);
+	wh_dispatch_drop(c, &g.out);
+	wh_visits_close(c, &g.visits);
+	wh_homes_close(c, &g.homes);
 	wh_free(c, g.sample);
 	wh_kdtree_free(c, &g.tree);
 	benches_free(c, &g, ex->workers);

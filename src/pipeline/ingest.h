@@ -1,25 +1,26 @@
 /*
  * ingest: from a source of positions and triangles to the first round's cluster files.
  *
- * Streams the input four times, in parallel chunks committed in file order, so that the files'
- * bytes depend on the input alone: vertices (bounds, sample), vertices (cell of each), faces (to
- * their clusters), vertices (to every cluster whose faces use them). Memory: two bytes a vertex
- * for the table of cells, a buffer a cluster, a few MiB a worker.
+ * Streams the input in parallel chunks committed in file order, so that the files' bytes depend on
+ * the input and the number of clusters alone: vertices (bounds, sample), vertices (cell of each),
+ * faces (to their clusters), vertices (to every cluster whose faces use them). When the cells of
+ * all vertices do not fit in memory, the faces are gone through some more times (homes.h).
  */
 #ifndef WH_PIPELINE_INGEST_H
 #define WH_PIPELINE_INGEST_H
 
 #include "exec/exec.h"
 #include "io/ply.h"
+#include "pipeline/dispatch.h"
 #include "pipeline/progress.h"
-#include "pipeline/store.h"
 
+/* Only `clusters` decides what is in the files; the others, how much memory it takes. */
 typedef struct wh_ingest_params {
 	uint32_t clusters; /* 1 .. WH_MAX_CLUSTERS */
 	size_t buffer;     /* bytes of write buffer a cluster */
+	uint64_t window;   /* vertices whose cells are in memory at a time; 0: all */
+	size_t visits; /* vertices outside their cells held in memory; 0: the least that works */
 } wh_ingest_params;
-
-enum { WH_MAX_CLUSTERS = 65535 };
 
 typedef struct wh_ingest_result {
 	wh_vec3 lo, hi;      /* bounds of all vertices, file coordinates */
@@ -27,10 +28,19 @@ typedef struct wh_ingest_result {
 	uint64_t faces;      /* stored */
 	uint64_t degenerate; /* dropped: a vertex repeated */
 	uint64_t cut_vertices;
+	uint64_t windows;    /* 1: the cells of all vertices were in memory */
+	uint64_t face_reads; /* faces read, all passes together */
 } wh_ingest_result;
 
-/* Bytes of memory that ingest will hold at most. */
+/* Bytes of memory that ingest holds at most. */
 size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_params *params);
+
+/*
+ * Makes the most of `budget` bytes: given the clusters, sets everything else in *params, and the
+ * workers, of which there will be no more than in *ex. Returns the bytes that this takes: more than
+ * the budget when the least is too much.
+ */
+size_t wh_ingest_fit(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest_params *params);
 
 /*
  * Fills `store` (spill and generation set by the caller). WH_E_IRREGULAR when the source turns

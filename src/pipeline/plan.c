@@ -87,17 +87,6 @@ bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces)
 	return clusters > 1 && faces > wh_plan_final_limit(s);
 }
 
-void wh_plan_ingest(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest_params *p)
-{
-	p->buffer = WH_PLAN_BUFFER_LEAST;
-	while (ex->workers > 1 && wh_ingest_bytes(src, ex, p) > budget)
-		ex->workers--;
-	const size_t least = wh_ingest_bytes(src, ex, p);
-	const size_t spare = least < budget ? (budget - least) / 2 / p->clusters : 0;
-	if (spare > p->buffer)
-		p->buffer = spare < WH_PLAN_BUFFER_MOST ? spare : WH_PLAN_BUFFER_MOST;
-}
-
 /* ---- what is expected --------------------------------------------------------------------- */
 
 /* Measured on scans and generated surfaces. */
@@ -131,7 +120,7 @@ static double largest_cluster(const forecast *f)
 
 static void disk(forecast *f, double more)
 {
-	const double now = (double)f->q->rewrite_bytes + f->store + more;
+	const double now = f->store + more;
 	if (now > (double)f->p->peak_disk)
 		f->p->peak_disk = (uint64_t)now;
 }
@@ -278,20 +267,22 @@ static void ingest(forecast *f)
 {
 	wh_plan *p = f->p;
 	wh_exec ex = {.workers = f->q->threads};
-	wh_ingest_params in = {.clusters = p->clusters, .buffer = WH_PLAN_BUFFER_LEAST};
+	wh_ingest_params in = {.clusters = p->clusters};
 	const wh_source *src = &f->q->source;
-	p->stage[WH_PLAN_INGEST].need = wh_ingest_bytes(src, &(wh_exec){.workers = 1}, &in);
-	wh_plan_ingest(src, f->q->memory > WH_PLAN_BASE ? f->q->memory - WH_PLAN_BASE : 0, &ex,
-	               &in);
+	const size_t ceiling = f->q->memory;
+	p->stage[WH_PLAN_INGEST].need = wh_ingest_fit(src, 0, &(wh_exec){.workers = 1}, &in);
+	(void)wh_ingest_fit(src, ceiling > WH_PLAN_BASE ? ceiling - WH_PLAN_BASE : 0, &ex, &in);
 	const double full = cut_store(f, 0) / p->clusters;
 	if (full < (double)in.buffer)
 		in.buffer = (size_t)full;
+	in.visits = 0;
 	p->stage[WH_PLAN_INGEST].expect = wh_ingest_bytes(src, &ex, &in);
 	p->stage[WH_PLAN_INGEST].workers = ex.workers;
-	p->windows = 1;
+	p->windows = in.window ? (uint32_t)((src->nv + in.window - 1) / in.window) : 1;
 	p->passes = 4;
 	f->store = cut_store(f, 0);
-	disk(f, 0);
+	const double side = p->windows > 1 ? 6 * f->faces : 0; /* cells of the corners */
+	disk(f, (double)f->q->rewrite_bytes + side);
 }
 
 const char *wh_plan_stage_name(wh_plan_stage stage)

@@ -15,9 +15,7 @@
 #include "pipeline/ingest.h"
 
 enum {
-	WH_PLAN_BASE = 12 * 1024 * 1024, /* program, libraries, stacks, small allocations */
-	WH_PLAN_BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster during ingest */
-	WH_PLAN_BUFFER_MOST = 256 * 1024,
+	WH_PLAN_BASE = 12 * 1024 * 1024,    /* program, libraries, stacks, small allocations */
 	WH_PLAN_REWRITE = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	WH_PLAN_SURVEY_FACES = 16 * 1024    /* a piece of a survey */
 };
@@ -53,9 +51,6 @@ bool wh_plan_go_on(const wh_plan_sizes *s, uint32_t clusters, uint64_t before, u
                    double share);
 /* True when the result is settled and streamed cluster by cluster. */
 bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces);
-
-/* Workers and write buffers that ingest has room for in a budget; clusters set by the caller. */
-void wh_plan_ingest(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest_params *p);
 
 /* ---- prediction --------------------------------------------------------------------------- */
 

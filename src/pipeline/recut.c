@@ -1,54 +1,47 @@
 /*
  * Cutting a mesh anew between two rounds. Every old cluster file holds the positions of all
  * corners of its faces, so the new home of a corner follows from its position, and no table over
- * all vertices is needed. Only vertices on the old cuts are known to several old clusters.
+ * all vertices is needed. Only vertices on the old cuts are known to several old clusters, and only
+ * of them one old cluster cannot tell whether they are cut again.
  *
  * Each old cluster is loaded four times: for a sample of its vertices, to collect which new
- * clusters use the old cut vertices, to send its faces, and to send its vertices. The mesh has
- * been reduced by then; the memory is one old cluster a worker and a write buffer a new cluster.
+ * clusters use the old cut vertices, to send its faces, and to send its vertices. What is collected
+ * are visits (pipeline/visits), which may not fit in memory; the answers go, for every old cluster
+ * and its cut vertices in their order, to a file, where the pass over the vertices reads them. The
+ * memory is one old cluster a worker, a write buffer a new cluster, and a fixed amount of visits.
  */
 #include "pipeline/round.h"
 
+#include "base/sort.h"
 #include "geom/kdtree.h"
+#include "pipeline/dispatch.h"
+#include "pipeline/visits.h"
 
-#include <stdlib.h>
 #include <string.h>
 
-enum { SAMPLE = 256 * 1024 };
+enum {
+	SAMPLE = 256 * 1024,
+	VISITS = 256 * 1024,     /* held in memory */
+	NEVERS = 64 * 1024,      /* vertices that never were free: kept away from, and counted */
+	PIECE = 8 * 1024,        /* answers read at once */
+	BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster */
+	BUFFER_MOST = 64 * 1024
+};
 
-/* A use of an old cut vertex by a new cluster. */
-typedef struct use {
-	uint64_t gid;
-	uint32_t cluster;
-	uint8_t flag; /* the vertex's */
-} use;
-
-/* A vertex that was cut before and is cut again. */
-typedef struct again {
-	uint64_t gid;
-	uint8_t flag; /* it has now */
-} again;
-
-typedef struct uses {
-	use *item;
-	size_t n, cap;
-} uses;
+#define SEVERAL 0xffff                /* in the place of a new cluster: more than one */
+#define CUT_AGAIN ((uint64_t)1 << 63) /* beside the id of an old cut vertex: the answer */
 
 /* What one worker needs. */
 typedef struct recut_hand {
 	wh_store_scratch scratch;
 	wh_patch patch;
-	uint32_t *home;  /* per vertex: the new cell it lies in */
-	uint32_t *cell;  /* per face: its new cluster */
-	uint32_t *order; /* faces by new cluster */
-	uint32_t *user;  /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL */
-	uint32_t *seen;  /* per vertex: last new cluster it was sent to, plus one */
-	size_t cap_home, cap_cell, cap_order, cap_user, cap_seen;
-	uint32_t *start; /* per new cluster, plus two */
-	uses found;
+	uint16_t *home; /* per vertex: the new cell it lies in */
+	uint16_t *cell; /* per face: its new cluster */
+	uint32_t *user; /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL */
+	uint64_t *list; /* visits, or answers */
+	size_t cap_home, cap_cell, cap_user, cap_list, n_list;
+	wh_parcel out;
 } recut_hand;
-
-#define SEVERAL (UINT32_MAX - 1)
 
 typedef struct recut {
 	const wh_store *from;
@@ -56,14 +49,20 @@ typedef struct recut {
 	wh_progress *progress;
 	recut_hand *hands;
 	wh_kdtree tree;
-	wh_vec3 *sample;
-	size_t samples, sample_cap;
+	wh_kdpoint *sample;
+	size_t samples;
+	const wh_recut_params *params;
+	wh_vec3 *never; /* places of vertices that were cut in every round */
+	size_t nevers, never_cap;
+	uint64_t *still; /* ids of those that are cut again */
+	size_t stills, still_cap;
 	uint64_t stride, passed; /* every stride-th vertex is in the sample */
-	uses old_cut;            /* sorted, unique, once collected */
-	again *cut;              /* used by several new clusters, ascending */
-	size_t cuts, cut_cap;
-	uint64_t never; /* of them, cut in every round so far */
-	wh_store_writer *writer;
+	uint64_t ids;            /* all are below */
+	wh_visits visits;        /* of old cut vertices, in new clusters */
+	int answer_fd;           /* ids of each old cluster's cut vertices, with their answers */
+	uint64_t *answer;        /* where those of each old cluster begin; and the end */
+	uint64_t *answered;      /* the first one of each old cluster that is open */
+	wh_dispatch out;
 } recut;
 
 /* ---- where things go ---------------------------------------------------------------------- */
@@ -71,30 +70,28 @@ typedef struct recut {
 static wh_code fit(wh_ctx *c, recut_hand *h)
 {
 	const size_t nv = h->patch.nv, nf = h->patch.nf;
-	if (wh_reserve(c, &h->home, &h->cap_home, nv, sizeof *h->home) != WH_OK ||
-	    wh_reserve(c, &h->cell, &h->cap_cell, nf, sizeof *h->cell) != WH_OK ||
-	    wh_reserve(c, &h->order, &h->cap_order, nf, sizeof *h->order) != WH_OK ||
-	    wh_reserve(c, &h->user, &h->cap_user, nv, sizeof *h->user) != WH_OK ||
-	    wh_reserve(c, &h->seen, &h->cap_seen, nv, sizeof *h->seen) != WH_OK)
+	if (wh_renew(c, &h->home, &h->cap_home, nv, sizeof *h->home) != WH_OK ||
+	    wh_renew(c, &h->cell, &h->cap_cell, nf, sizeof *h->cell) != WH_OK ||
+	    wh_renew(c, &h->user, &h->cap_user, nv, sizeof *h->user) != WH_OK)
 		return c->err.code;
 	return WH_OK;
 }
 
 /* Loads old cluster k and finds the new cluster of each face and the users of each vertex. */
-static wh_code load_and_place(wh_ctx *c, const recut *r, recut_hand *h, uint32_t k)
+static wh_code load_and_place(wh_ctx *c, const recut *r, recut_hand *h, int64_t k)
 {
 	wh_patch *p = &h->patch;
-	if (wh_store_load(c, r->from, k, &h->scratch, p) != WH_OK || fit(c, h) != WH_OK)
+	if (wh_store_load(c, r->from, (uint32_t)k, &h->scratch, p) != WH_OK || fit(c, h) != WH_OK)
 		return c->err.code;
 	for (uint32_t v = 0; v < p->nv; v++) {
-		h->home[v] = wh_kdtree_cell(&r->tree, &p->pos[v]);
+		h->home[v] = (uint16_t)wh_kdtree_cell(&r->tree, &p->pos[v], p->gid[v]);
 		h->user[v] = WH_NONE;
 	}
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		const uint32_t cell =
 		    wh_kdtree_majority(h->home[t[0]], h->home[t[1]], h->home[t[2]]);
-		h->cell[f] = cell;
+		h->cell[f] = (uint16_t)cell;
 		for (int j = 0; j < 3; j++) {
 			uint32_t *u = &h->user[t[j]];
 			*u = *u == WH_NONE || *u == cell ? cell : SEVERAL;
@@ -118,138 +115,155 @@ static wh_code sample_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	recut *r = arg;
 	const wh_patch *p = &r->hands[worker].patch;
 	for (uint32_t v = 0; v < p->nv; v++) {
-		if (r->passed++ % r->stride != 0)
+		if (r->passed++ % r->stride == 0)
+			r->sample[r->samples++] = (wh_kdpoint){p->pos[v], (double)p->gid[v]};
+		if (!r->params->free_all || !(p->flag[v] & WH_NEVER) || r->nevers == NEVERS)
 			continue;
-		if (wh_reserve(c, &r->sample, &r->sample_cap, r->samples + 1, sizeof *r->sample))
+		if (wh_reserve(c, &r->never, &r->never_cap, r->nevers + 1, sizeof *r->never) !=
+		    WH_OK)
 			return c->err.code;
-		r->sample[r->samples++] = p->pos[v];
+		r->never[r->nevers++] = p->pos[v];
 	}
+	if (p->nv && p->gid[p->nv - 1] >= r->ids)
+		r->ids = p->gid[p->nv - 1] + 1;
 	return WH_OK;
 }
 
-static wh_code take_sample(wh_ctx *c, const wh_exec *ex, recut *r)
+static uint64_t sample_stride(uint64_t vertices)
 {
-	uint64_t max_v, max_f, faces, vertices;
-	if (wh_round_extent(c, r->from, &max_v, &max_f, &faces, &vertices) != WH_OK)
+	return vertices / SAMPLE + 1;
+}
+
+static size_t sample_size(uint64_t vertices)
+{
+	const uint64_t stride = sample_stride(vertices);
+	return (size_t)((vertices + stride - 1) / stride);
+}
+
+static wh_code build_tree(wh_ctx *c, const wh_exec *ex, recut *r, uint64_t vertices)
+{
+	r->stride = sample_stride(vertices);
+	r->sample = wh_alloc(c, sample_size(vertices), sizeof *r->sample);
+	if (!r->sample ||
+	    wh_exec_ordered(c, ex, r->from->clusters, sample_job, sample_commit, r) != WH_OK ||
+	    wh_kdtree_build_clear(c, &r->tree, r->sample, r->samples, r->to->clusters,
+	                          r->params->skew, r->never, r->nevers) != WH_OK)
 		return c->err.code;
-	r->stride = vertices / SAMPLE + 1;
-	return wh_exec_ordered(c, ex, r->from->clusters, sample_job, sample_commit, r);
+	wh_free(c, r->sample);
+	wh_free(c, r->never);
+	r->sample = NULL;
+	r->never = NULL;
+	return WH_OK;
 }
 
 /* ---- pass 1: which old cut vertices are cut again ----------------------------------------- */
-
-static wh_code uses_add(wh_ctx *c, uses *u, use one)
-{
-	if (wh_reserve(c, &u->item, &u->cap, u->n + 1, sizeof *u->item) != WH_OK)
-		return c->err.code;
-	u->item[u->n++] = one;
-	return WH_OK;
-}
 
 static wh_code collect_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
 	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, (uint32_t)index) != WH_OK)
+	if (load_and_place(c, r, h, index) != WH_OK ||
+	    wh_renew(c, &h->list, &h->cap_list, h->patch.nv, sizeof *h->list) != WH_OK)
 		return c->err.code;
 	const wh_patch *p = &h->patch;
-	h->found.n = 0;
+	h->n_list = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
-		if ((p->flag[v] & WH_CUT) &&
-		    uses_add(c, &h->found, (use){p->gid[v], h->user[v], p->flag[v]}) != WH_OK)
-			return c->err.code;
+		if (p->flag[v] & WH_CUT)
+			h->list[h->n_list++] = wh_visit(p->gid[v], h->user[v]);
 	return WH_OK;
 }
 
 static wh_code collect_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
-	(void)index;
 	recut *r = arg;
-	const uses *u = &r->hands[worker].found;
-	for (size_t i = 0; i < u->n; i++)
-		if (uses_add(c, &r->old_cut, u->item[i]) != WH_OK)
+	recut_hand *h = &r->hands[worker];
+	if (wh_visits_add(c, &r->visits, h->list, h->n_list) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < h->n_list; i++)
+		h->list[i] = wh_visit_vertex(h->list[i]);
+	r->answer[index + 1] = r->answer[index] + h->n_list;
+	return wh_spill_pwrite(c, r->from->spill, r->answer_fd, h->list,
+	                       h->n_list * sizeof *h->list, r->answer[index] * sizeof *h->list);
+}
+
+/* Of the visits taken: an old cut vertex is cut again when its faces go to several new clusters. */
+static bool is_cut_again(const wh_visits *v, uint64_t gid)
+{
+	const size_t i = wh_visits_find(v, gid);
+	return wh_visit_cluster(v->item[i]) == SEVERAL ||
+	       (i + 1 < v->n && wh_visit_vertex(v->item[i + 1]) == gid);
+}
+
+/* Answers for the cut vertices of one old cluster, as far as the visits taken go. */
+static wh_code answer_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	recut *r = arg;
+	recut_hand *h = &r->hands[worker];
+	const uint64_t end = r->answer[index + 1];
+	uint64_t *next = &r->answered[index];
+	if (wh_renew(c, &h->list, &h->cap_list, PIECE, sizeof *h->list) != WH_OK)
+		return c->err.code;
+	for (size_t n = PIECE, done = n; done == n && *next < end; *next += done) {
+		const uint64_t off = *next * sizeof *h->list;
+		n = end - *next < PIECE ? (size_t)(end - *next) : PIECE;
+		done = 0;
+		if (wh_spill_pread(c, r->from->spill, r->answer_fd, h->list, n * sizeof *h->list,
+		                   off) != WH_OK)
 			return c->err.code;
-	return WH_OK;
-}
-
-static int compare_uses(const void *a, const void *b)
-{
-	const use *x = a, *y = b;
-	if (x->gid != y->gid)
-		return x->gid < y->gid ? -1 : 1;
-	return (x->cluster > y->cluster) - (x->cluster < y->cluster);
-}
-
-/* An old cut vertex is cut again when its faces go to more than one new cluster. */
-static wh_code find_cut_again(wh_ctx *c, recut *r)
-{
-	const uses *u = &r->old_cut;
-	if (u->n)
-		qsort(u->item, u->n, sizeof *u->item, compare_uses);
-	for (size_t i = 0; i < u->n;) {
-		size_t end = i + 1;
-		while (end < u->n && u->item[end].gid == u->item[i].gid)
-			end++;
-		if (u->item[i].cluster != u->item[end - 1].cluster ||
-		    u->item[end - 1].cluster == SEVERAL) {
-			if (wh_reserve(c, &r->cut, &r->cut_cap, r->cuts + 1, sizeof *r->cut) !=
-			    WH_OK)
-				return c->err.code;
-			r->cut[r->cuts++] = (again){u->item[i].gid, u->item[i].flag};
-			r->never += (u->item[i].flag & WH_NEVER) != 0;
-		}
-		i = end;
+		for (; done < n && h->list[done] < r->visits.end; done++)
+			if (is_cut_again(&r->visits, h->list[done]))
+				h->list[done] |= CUT_AGAIN;
+		if (wh_spill_pwrite(c, r->from->spill, r->answer_fd, h->list,
+		                    done * sizeof *h->list, off) != WH_OK)
+			return c->err.code;
 	}
 	return WH_OK;
 }
 
-/* The new flags of an old cut vertex. */
-static uint8_t flag_again(const recut *r, uint64_t gid)
+static wh_code answers_open(wh_ctx *c, recut *r)
 {
-	size_t lo = 0, hi = r->cuts;
-	while (lo < hi) {
-		const size_t mid = lo + (hi - lo) / 2;
-		if (r->cut[mid].gid < gid)
-			lo = mid + 1;
-		else
-			hi = mid;
-	}
-	return lo < r->cuts && r->cut[lo].gid == gid ? r->cut[lo].flag : 0;
+	const size_t n = (size_t)r->from->clusters + 1;
+	r->answer = wh_calloc(c, n, sizeof *r->answer);
+	r->answered = wh_alloc(c, n, sizeof *r->answered);
+	r->answer_fd = r->answer && r->answered ? wh_spill_scratch(c, r->from->spill) : -1;
+	return r->answer_fd >= 0 ? WH_OK : wh_failed(c);
 }
 
-/* ---- pass 2 and 3: faces, then vertices --------------------------------------------------- */
+static wh_code find_cut_again(wh_ctx *c, const wh_exec *ex, recut *r)
+{
+	const int64_t n = r->from->clusters;
+	if (answers_open(c, r) != WH_OK ||
+	    wh_visits_open(c, &r->visits, r->from->spill, r->ids, VISITS) != WH_OK ||
+	    wh_exec_ordered(c, ex, n, collect_job, collect_commit, r) != WH_OK ||
+	    wh_visits_seal(c, &r->visits) != WH_OK)
+		return c->err.code;
+	memcpy(r->answered, r->answer, (size_t)n * sizeof *r->answered);
+	for (uint64_t first = 0; first < r->ids; first = r->visits.end)
+		if (wh_visits_take(c, &r->visits, first) != WH_OK ||
+		    wh_exec_for(c, ex, n, answer_job, r) != WH_OK)
+			return c->err.code;
+	wh_visits_close(c, &r->visits);
+	return WH_OK;
+}
 
-static wh_code place_job(wh_ctx *c, void *arg, int64_t index, int worker)
+/* ---- pass 2: faces ------------------------------------------------------------------------ */
+
+static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
 	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, (uint32_t)index) != WH_OK)
+	if (load_and_place(c, r, h, index) != WH_OK ||
+	    wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_face_bytes(r->to), h->patch.nf) !=
+	        WH_OK)
 		return c->err.code;
 	const wh_patch *p = &h->patch;
-	const uint32_t cells = r->to->clusters;
-	memset(h->start, 0, ((size_t)cells + 2) * sizeof *h->start);
-	for (uint32_t f = 0; f < p->nf; f++)
-		h->start[h->cell[f] + 2]++;
-	for (uint32_t k = 0; k < cells; k++)
-		h->start[k + 2] += h->start[k + 1];
-	for (uint32_t f = 0; f < p->nf; f++)
-		h->order[h->start[h->cell[f] + 1]++] = f;
-	return WH_OK;
-}
-
-static wh_code send_face(wh_ctx *c, recut *r, const wh_patch *p, uint32_t f, uint32_t k)
-{
-	const uint32_t *t = &p->tri[3 * (size_t)f];
-	uint64_t wide[3];
-	uint32_t narrow[3];
-	for (int j = 0; j < 3; j++) {
-		wide[j] = p->gid[t[j]];
-		narrow[j] = (uint32_t)wide[j];
+	for (uint32_t f = 0; f < p->nf; f++) {
+		const uint32_t *t = &p->tri[3 * (size_t)f];
+		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
+		(void)wh_store_put_face(r->to, wh_parcel_add(&h->out, h->cell[f]), gid);
 	}
-	r->writer[k].faces++;
-	if (r->to->id_bytes == 4)
-		return wh_store_append(c, r->to, k, &r->writer[k], narrow, sizeof narrow);
-	return wh_store_append(c, r->to, k, &r->writer[k], wide, sizeof wide);
+	wh_parcel_sort(&h->out);
+	return WH_OK;
 }
 
 static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -257,45 +271,101 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	(void)index;
 	recut *r = arg;
 	const recut_hand *h = &r->hands[worker];
-	for (uint32_t k = 0; k < r->to->clusters; k++)
-		for (uint32_t i = h->start[k]; i < h->start[k + 1]; i++)
-			if (send_face(c, r, &h->patch, h->order[i], k) != WH_OK)
-				return c->err.code;
 	wh_progress_add(r->progress, h->patch.nf);
+	return wh_dispatch_faces(c, &r->out, &h->out);
+}
+
+/* ---- pass 3: vertices --------------------------------------------------------------------- */
+
+/* From here on the flags say which vertices are cut by the new clusters. */
+static wh_code read_answers(wh_ctx *c, const recut *r, recut_hand *h, int64_t index)
+{
+	wh_patch *p = &h->patch;
+	const uint64_t first = r->answer[index];
+	const size_t n = (size_t)(r->answer[index + 1] - first);
+	if (wh_renew(c, &h->list, &h->cap_list, n, sizeof *h->list) != WH_OK ||
+	    wh_spill_pread(c, r->from->spill, r->answer_fd, h->list, n * sizeof *h->list,
+	                   first * sizeof *h->list) != WH_OK)
+		return c->err.code;
+	size_t at = 0;
+	for (uint32_t v = 0; v < p->nv; v++) {
+		if (!(p->flag[v] & WH_CUT))
+			p->flag[v] = h->user[v] == SEVERAL ? WH_CUT : 0;
+		else if (!(h->list[at++] & CUT_AGAIN))
+			p->flag[v] = 0;
+	}
 	return WH_OK;
 }
 
-static wh_code send_vertex(wh_ctx *c, recut *r, const recut_hand *h, uint32_t v, uint32_t k)
+/* Visits of vertices with several users, in the patch's own numbering. */
+static wh_code list_users(wh_ctx *c, recut_hand *h)
 {
 	const wh_patch *p = &h->patch;
-	const uint8_t fresh = h->user[v] == SEVERAL ? WH_CUT : 0;
-	const uint8_t flag = p->flag[v] & WH_CUT ? flag_again(r, p->gid[v]) : fresh;
-	uint8_t record[64];
-	const uint8_t *end =
-	    wh_store_put_vertex(r->to, record, p->gid[v], flag, p->pos[v], p->err[v]);
-	r->writer[k].vertices++;
-	return wh_store_append(c, r->to, k, &r->writer[k], record, (size_t)(end - record));
+	size_t n = 0;
+	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
+		n += h->user[p->tri[i]] == SEVERAL;
+	if (wh_renew(c, &h->list, &h->cap_list, n, sizeof *h->list) != WH_OK)
+		return c->err.code;
+	n = 0;
+	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
+		if (h->user[p->tri[i]] == SEVERAL)
+			h->list[n++] = wh_visit(p->tri[i], h->cell[i / 3]);
+	h->n_list = wh_sort_unique(h->list, n);
+	return WH_OK;
+}
+
+static void send_vertex(const recut *r, recut_hand *h, uint32_t v, uint32_t cluster)
+{
+	const wh_patch *p = &h->patch;
+	(void)wh_store_put_vertex(r->to, wh_parcel_add(&h->out, cluster), p->gid[v], p->flag[v],
+	                          p->pos[v], p->err[v]);
+}
+
+static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const recut *r = arg;
+	recut_hand *h = &r->hands[worker];
+	if (load_and_place(c, r, h, index) != WH_OK || read_answers(c, r, h, index) != WH_OK ||
+	    list_users(c, h) != WH_OK)
+		return c->err.code;
+	const wh_patch *p = &h->patch;
+	if (wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_vertex_bytes(r->to),
+	                    p->nv + h->n_list) != WH_OK)
+		return c->err.code;
+	size_t at = 0;
+	for (uint32_t v = 0; v < p->nv; v++) {
+		if (h->user[v] != SEVERAL)
+			send_vertex(r, h, v, h->user[v]);
+		for (; at < h->n_list && wh_visit_vertex(h->list[at]) == v; at++)
+			send_vertex(r, h, v, wh_visit_cluster(h->list[at]));
+	}
+	wh_parcel_sort(&h->out);
+	return WH_OK;
+}
+
+/* Lists the vertices that never were free and are not now; several clusters may list one. */
+static wh_code note_still(wh_ctx *c, recut *r, const wh_patch *p)
+{
+	for (uint32_t v = 0; v < p->nv && r->stills < NEVERS; v++) {
+		if (!(p->flag[v] & WH_NEVER))
+			continue;
+		if (wh_reserve(c, &r->still, &r->still_cap, r->stills + 1, sizeof *r->still) !=
+		    WH_OK)
+			return c->err.code;
+		r->still[r->stills++] = p->gid[v];
+	}
+	return WH_OK;
 }
 
 static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	memset(h->seen, 0, h->patch.nv * sizeof *h->seen);
-	for (uint32_t k = 0; k < r->to->clusters; k++)
-		for (uint32_t i = h->start[k]; i < h->start[k + 1]; i++)
-			for (int j = 0; j < 3; j++) {
-				const uint32_t v =
-				    h->patch.tri[3 * (size_t)h->order[i] + (size_t)j];
-				if (h->seen[v] == k + 1)
-					continue;
-				h->seen[v] = k + 1;
-				if (send_vertex(c, r, h, v, k) != WH_OK)
-					return c->err.code;
-			}
+	const recut_hand *h = &r->hands[worker];
 	wh_progress_add(r->progress, h->patch.nf);
-	return WH_OK;
+	if (note_still(c, r, &h->patch) != WH_OK)
+		return c->err.code;
+	return wh_dispatch_vertices(c, &r->out, &h->out);
 }
 
 /* ---- all of it ---------------------------------------------------------------------------- */
@@ -303,27 +373,11 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 {
 	const int64_t n = r->from->clusters;
-	r->writer = wh_calloc(c, r->to->clusters, sizeof *r->writer);
-	for (uint32_t k = 0; r->writer && k < r->to->clusters; k++)
-		if (wh_store_begin(c, r->to, k, &r->writer[k], buffer) != WH_OK)
-			break;
-	if (c->err.code != WH_OK ||
-	    wh_exec_ordered(c, ex, n, place_job, faces_commit, r) != WH_OK ||
-	    wh_exec_ordered(c, ex, n, place_job, vertices_commit, r) != WH_OK)
+	if (wh_dispatch_begin(c, &r->out, r->to, buffer) != WH_OK ||
+	    wh_exec_ordered(c, ex, n, faces_job, faces_commit, r) != WH_OK ||
+	    wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, r) != WH_OK)
 		return c->err.code;
-	for (uint32_t k = 0; k < r->to->clusters; k++)
-		if (wh_store_commit(c, r->to, k, &r->writer[k]) != WH_OK)
-			return c->err.code;
-	return WH_OK;
-}
-
-static wh_code hands_make(wh_ctx *c, recut *r, int workers)
-{
-	r->hands = wh_calloc(c, (size_t)workers, sizeof *r->hands);
-	for (int i = 0; r->hands && i < workers; i++)
-		r->hands[i].start =
-		    wh_alloc(c, (size_t)r->to->clusters + 2, sizeof *r->hands[i].start);
-	return c->err.code;
+	return wh_dispatch_commit(c, &r->out);
 }
 
 static void hands_free(wh_ctx *c, recut *r, int workers)
@@ -332,68 +386,93 @@ static void hands_free(wh_ctx *c, recut *r, int workers)
 		recut_hand *h = &r->hands[i];
 		wh_store_scratch_free(c, &h->scratch);
 		wh_patch_free(c, &h->patch);
+		wh_parcel_free(c, &h->out);
 		wh_free(c, h->home);
 		wh_free(c, h->cell);
-		wh_free(c, h->order);
 		wh_free(c, h->user);
-		wh_free(c, h->seen);
-		wh_free(c, h->start);
-		wh_free(c, h->found.item);
+		wh_free(c, h->list);
 	}
 	wh_free(c, r->hands);
 }
 
-static wh_code cut_once(wh_ctx *c, const wh_exec *ex, recut *r, double skew)
-{
-	wh_kdtree_free(c, &r->tree);
-	r->old_cut.n = r->cuts = 0;
-	r->never = 0;
-	if (wh_kdtree_build(c, &r->tree, r->sample, r->samples, r->to->clusters, skew) != WH_OK ||
-	    wh_exec_ordered(c, ex, r->from->clusters, collect_job, collect_commit, r) != WH_OK)
-		return c->err.code;
-	return find_cut_again(c, r);
-}
-
-/* Where the curves of three partitions meet in one vertex, it has been cut in all of them. That is
- * rare: with other cuts it will not be so. */
-static wh_code find_cuts(wh_ctx *c, const wh_exec *ex, recut *r, const wh_recut_params *p)
-{
-	static const double shift[] = {0, 0.07, -0.06, 0.13, -0.11, 0.03};
-	wh_code code = WH_OK;
-	for (size_t i = 0; i < sizeof shift / sizeof *shift; i++) {
-		code = cut_once(c, ex, r, p->skew + shift[i]);
-		if (code != WH_OK || !p->free_all || r->never == 0)
-			break;
-	}
-	return code;
-}
-
-wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, const wh_recut_params *params, uint64_t *never_free)
+/* The layout of the new store: that of the old one, with global ids. */
+static void describe_store(const wh_store *from, wh_store *to)
 {
 	to->id_bytes = from->id_bytes;
 	to->coord_bytes = from->coord_bytes;
 	to->vertex_payload = from->vertex_payload;
 	to->local_corners = false;
-	recut r = {.from = from, .to = to, .progress = progress};
+}
+
+static size_t larger(size_t a, size_t b)
+{
+	return a > b ? a : b;
+}
+
+/* A worker holds a cluster, where its parts go, and its parcel: all vertices, and in the worst
+ * case one more for every corner. */
+static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, uint64_t nf)
+{
+	wh_store to;
+	describe_store(from, &to);
+	const size_t faces = wh_parcel_bytes(clusters, wh_store_face_bytes(&to), (size_t)nf);
+	const size_t corners = 3 * (size_t)nf;
+	const size_t most = larger(corners, (size_t)nv); /* every vertex has a corner */
+	const size_t vertices = wh_parcel_bytes(clusters, wh_store_vertex_bytes(&to), most);
+	return wh_store_scratch_bytes(from, nv, nf) + wh_patch_bytes(nv, nf) + 6 * (size_t)nv +
+	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
+}
+
+wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget,
+                           wh_exec *ex, size_t *buffer, size_t *need)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return c->err.code;
+	const size_t hand = hand_bytes(from, clusters, max_v, max_f);
+	const size_t always = wh_kdtree_bytes(clusters) + 16 * ((size_t)from->clusters + 1) + 4096;
+	const size_t first =
+	    larger(sample_size(vertices) * sizeof(wh_kdpoint) + 3 * NEVERS * sizeof(wh_vec3),
+	           wh_visits_bytes(VISITS) + 3 * NEVERS * sizeof(uint64_t));
+	const size_t rest = always + larger(first, wh_dispatch_bytes(clusters, BUFFER_LEAST));
+	while (ex->workers > 1 && rest + (size_t)ex->workers * hand > budget)
+		ex->workers--;
+	const size_t hands = (size_t)ex->workers * hand;
+	*need = rest + hands;
+	*buffer = BUFFER_LEAST;
+	if (*need > budget)
+		return WH_OK;
+	const size_t spare = budget - always - hands - wh_dispatch_bytes(clusters, 0);
+	*buffer = spare / clusters < BUFFER_MOST ? spare / clusters : BUFFER_MOST;
+	*need = always + hands + larger(first, wh_dispatch_bytes(clusters, *buffer));
+	return WH_OK;
+}
+
+wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                       wh_store *to, const wh_recut_params *params, uint64_t *never_free)
+{
+	describe_store(from, to);
+	recut r = {.from = from, .to = to, .progress = progress, .params = params, .answer_fd = -1};
 	uint64_t max_v, max_f, faces, vertices;
 	wh_code code = wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices);
 	wh_progress_phase(progress, "recut", 2 * faces);
+	r.hands = wh_calloc(c, (size_t)ex->workers, sizeof *r.hands);
 	if (code == WH_OK)
-		code = hands_make(c, &r, ex->workers);
+		code = r.hands ? build_tree(c, ex, &r, vertices) : wh_failed(c);
 	if (code == WH_OK)
-		code = take_sample(c, ex, &r);
-	if (code == WH_OK)
-		code = find_cuts(c, ex, &r, params);
+		code = find_cut_again(c, ex, &r);
 	if (code == WH_OK)
 		code = distribute(c, ex, &r, params->buffer);
-	*never_free = r.never;
-	for (uint32_t k = 0; r.writer && k < to->clusters; k++)
-		wh_store_drop(c, &r.writer[k]);
-	wh_free(c, r.writer);
-	wh_free(c, r.old_cut.item);
-	wh_free(c, r.cut);
+	*never_free = wh_sort_unique(r.still, r.stills);
+	wh_dispatch_drop(c, &r.out);
+	wh_visits_close(c, &r.visits);
+	if (r.answer_fd >= 0)
+		wh_spill_close_scratch(from->spill, r.answer_fd);
+	wh_free(c, r.answer);
+	wh_free(c, r.answered);
 	wh_free(c, r.sample);
+	wh_free(c, r.never);
+	wh_free(c, r.still);
 	wh_kdtree_free(c, &r.tree);
 	hands_free(c, &r, ex->workers);
 	return code;

@@ -1,5 +1,7 @@
 #include "pipeline/store.h"
 
+#include "base/sort.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -127,6 +129,17 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w)
 	w->hash = NULL;
 }
 
+uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3])
+{
+	if (s->id_bytes == 4) {
+		const uint32_t narrow[3] = {(uint32_t)gid[0], (uint32_t)gid[1], (uint32_t)gid[2]};
+		memcpy(at, narrow, sizeof narrow);
+		return at + sizeof narrow;
+	}
+	memcpy(at, gid, 3 * sizeof *gid);
+	return at + 3 * sizeof *gid;
+}
+
 uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
                              wh_vec3 pos, float err)
 {
@@ -184,6 +197,7 @@ wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_p
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s)
 {
 	wh_free(c, s->raw);
+	wh_free(c, s->order);
 	wh_free(c, s->index);
 	*s = (wh_store_scratch){0};
 }
@@ -194,11 +208,6 @@ static wh_code damaged(wh_ctx *c, const wh_store *s, const char *name)
 	               "%s/%s: the temporary file is damaged; run again, on another disk if it "
 	               "happens again (--temp-dir)",
 	               s->spill->dir, name);
-}
-
-static size_t corner_bytes(const wh_store *s)
-{
-	return s->local_corners ? 4 : s->id_bytes;
 }
 
 static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *name, header *h)
@@ -224,13 +233,13 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 		return wh_failed(c);
 	wh_code code = read_header(c, s, fd, name, h);
 	if (code == WH_OK) {
-		const size_t n = (size_t)h->faces * 3 * corner_bytes(s) +
+		const size_t n = (size_t)h->faces * wh_store_face_bytes(s) +
 		                 (size_t)h->vertices * wh_store_vertex_bytes(s);
 		struct stat st; /* no memory for counts that the file does not hold */
 		if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != sizeof *h + n)
 			code = damaged(c, s, name);
 		if (code == WH_OK)
-			code = wh_reserve(c, &sc->raw, &sc->raw_cap, n, 1);
+			code = wh_renew(c, &sc->raw, &sc->raw_cap, n, 1);
 		if (code == WH_OK)
 			code = wh_spill_pread(c, s->spill, fd, sc->raw, n, sizeof *h);
 		if (code == WH_OK && XXH3_64bits(sc->raw, n) != h->checksum)
@@ -275,58 +284,72 @@ static void decode_vertex(const wh_store *s, const uint8_t *at, wh_patch *p, uin
 		memcpy(&p->err[v], at, 4);
 }
 
-typedef struct keyed {
-	uint64_t gid;
-	uint32_t at; /* record number */
-} keyed;
-
-static int compare_keyed(const void *a, const void *b)
+/* Bits that a number takes. */
+static uint32_t width(uint64_t x)
 {
-	const keyed *x = a, *y = b;
-	if (x->gid != y->gid)
-		return x->gid < y->gid ? -1 : 1;
-	return (x->at > y->at) - (x->at < y->at);
+	uint32_t bits = 0;
+	for (; x; x >>= 1)
+		bits++;
+	return bits;
+}
+
+/* One number a record, whose order is that of the ids, and of the records where ids are the same:
+ * an id less the least one, then the record's place. False when both do not fit in 64 bits, which
+ * no mesh comes near. */
+static bool make_order(const wh_store *s, const uint8_t *records, uint32_t n, uint64_t *order,
+                       uint32_t *place_bits)
+{
+	const size_t size = wh_store_vertex_bytes(s);
+	uint64_t least = UINT64_MAX, most = 0;
+	uint8_t flag;
+	for (uint32_t i = 0; i < n; i++) {
+		order[i] = record_gid(s, records + i * size, &flag);
+		least = order[i] < least ? order[i] : least;
+		most = order[i] > most ? order[i] : most;
+	}
+	*place_bits = width(n);
+	if (width(most - least) + *place_bits > 64)
+		return false;
+	for (uint32_t i = 0; i < n; i++)
+		order[i] = (order[i] - least) << *place_bits | i;
+	return true;
 }
 
 /* Decodes records in any order, with repeats, ascending by id and each once. */
 static wh_code decode_sorted(wh_ctx *c, const wh_store *s, const uint8_t *records, uint32_t n,
-                             wh_patch *p)
+                             wh_store_scratch *sc, wh_patch *p, bool *ok)
 {
 	const size_t size = wh_store_vertex_bytes(s);
-	keyed *order = wh_alloc(c, n, sizeof *order);
-	if (!order)
+	uint32_t place_bits, nv = 0;
+	if (wh_renew(c, &sc->order, &sc->order_cap, n, sizeof *sc->order) != WH_OK)
 		return c->err.code;
+	*ok = make_order(s, records, n, sc->order, &place_bits);
+	if (!*ok)
+		return WH_OK;
+	wh_sort(sc->order, n);
 	for (uint32_t i = 0; i < n; i++) {
-		uint8_t flag;
-		order[i] = (keyed){record_gid(s, records + i * size, &flag), i};
-	}
-	qsort(order, n, sizeof *order, compare_keyed);
-	uint32_t nv = 0;
-	for (uint32_t i = 0; i < n; i++) {
-		decode_vertex(s, records + order[i].at * size, p, nv);
+		const size_t at = sc->order[i] & (((uint64_t)1 << place_bits) - 1);
+		decode_vertex(s, records + at * size, p, nv);
 		if (nv > 0 && p->gid[nv] == p->gid[nv - 1])
 			p->err[nv - 1] = fmaxf(p->err[nv - 1], p->err[nv]);
 		else
 			nv++;
 	}
 	p->nv = nv;
-	wh_free(c, order);
 	return WH_OK;
 }
 
 static wh_code decode_vertices(wh_ctx *c, const wh_store *s, const uint8_t *records, uint32_t n,
-                               wh_patch *p)
+                               wh_store_scratch *sc, wh_patch *p, bool *ok)
 {
 	const size_t size = wh_store_vertex_bytes(s);
-	bool ascending = true;
+	*ok = true;
 	for (uint32_t v = 0; v < n; v++) {
 		decode_vertex(s, records + v * size, p, v);
-		if (v > 0 && p->gid[v] <= p->gid[v - 1]) {
-			ascending = false;
-			break;
-		}
+		if (v > 0 && p->gid[v] <= p->gid[v - 1])
+			return decode_sorted(c, s, records, n, sc, p, ok);
 	}
-	return ascending ? WH_OK : decode_sorted(c, s, records, n, p);
+	return WH_OK;
 }
 
 /* From global ids to places in an ascending list: the ids' range is cut into as many slots as
@@ -344,7 +367,7 @@ static wh_code locator_build(wh_ctx *c, wh_store_scratch *sc, const wh_patch *p,
 	while ((l->last - l->first) >> l->shift >= 2 * (uint64_t)p->nv)
 		l->shift++;
 	const size_t slots = (size_t)((l->last - l->first) >> l->shift) + 2;
-	if (wh_reserve(c, &sc->index, &sc->index_cap, slots, sizeof *sc->index) != WH_OK)
+	if (wh_renew(c, &sc->index, &sc->index_cap, slots, sizeof *sc->index) != WH_OK)
 		return wh_failed(c);
 	size_t next = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
@@ -416,7 +439,7 @@ static wh_code decode_faces(wh_ctx *c, const wh_store *s, const uint8_t *faces,
 /* Vertices of no face: the owners of unused ids, and ends of what other clusters took. */
 static wh_code drop_unreferenced(wh_ctx *c, wh_store_scratch *sc, wh_patch *p)
 {
-	if (wh_reserve(c, &sc->index, &sc->index_cap, p->nv, sizeof *sc->index) != WH_OK)
+	if (wh_renew(c, &sc->index, &sc->index_cap, p->nv, sizeof *sc->index) != WH_OK)
 		return c->err.code;
 	uint32_t *used = sc->index;
 	memset(used, 0, p->nv * sizeof *used);
@@ -438,10 +461,10 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 	scratch->unreferenced = 0;
 	if (h.faces == 0 && h.vertices == 0)
 		return WH_OK; /* an empty cell: nothing was allocated either */
-	const uint8_t *records = scratch->raw + (size_t)h.faces * 3 * corner_bytes(s);
+	const uint8_t *records = scratch->raw + (size_t)h.faces * wh_store_face_bytes(s);
 	bool ok;
-	if (decode_vertices(c, s, records, p->nv, p) != WH_OK ||
-	    decode_faces(c, s, scratch->raw, scratch, p, &ok) != WH_OK)
+	if (decode_vertices(c, s, records, p->nv, scratch, p, &ok) != WH_OK ||
+	    (ok && decode_faces(c, s, scratch->raw, scratch, p, &ok) != WH_OK))
 		return c->err.code;
 	if (!ok) {
 		char name[NAME_BYTES];

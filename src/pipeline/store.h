@@ -50,6 +50,12 @@ typedef struct wh_store_writer {
 	void *hash;
 } wh_store_writer;
 
+/* Bytes of a writer with such a buffer. */
+static inline size_t wh_store_writer_bytes(size_t buffer)
+{
+	return buffer + 1024;
+}
+
 wh_code wh_store_begin(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                        size_t buffer);
 /* Appends bytes that are already in file form; the caller keeps the counts in w. */
@@ -66,18 +72,36 @@ static inline size_t wh_store_vertex_bytes(const wh_store *s)
 	return s->id_bytes + 3 * (size_t)s->coord_bytes + s->vertex_payload;
 }
 
+/* Bytes of a face. */
+static inline size_t wh_store_face_bytes(const wh_store *s)
+{
+	return 3 * (size_t)(s->local_corners ? 4 : s->id_bytes);
+}
+
+/* Encodes one face with global ids as corners; returns the byte after it. */
+uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3]);
+
 /* Encodes one vertex record; of the flags, WH_CUT and WH_NEVER. Returns the byte after it. */
 uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
                              wh_vec3 pos, float err);
 
 /* Scratch of loads, grown as needed and reused; zero-initialise. */
 typedef struct wh_store_scratch {
-	uint8_t *raw;
+	uint8_t *raw; /* the file without its header */
 	size_t raw_cap;
-	uint32_t *index;
+	uint64_t *order; /* of vertices that do not ascend in the file */
+	size_t order_cap;
+	uint32_t *index; /* from global ids to places */
 	size_t index_cap;
 	uint64_t unreferenced; /* of the last load: vertices of no face, not cut, dropped */
 } wh_store_scratch;
+
+/* Bytes of a scratch that loads clusters of these counts. */
+static inline size_t wh_store_scratch_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
+{
+	return (size_t)nf * wh_store_face_bytes(s) +
+	       (size_t)nv * (wh_store_vertex_bytes(s) + 8 + 8) + 1024;
+}
 
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
 
