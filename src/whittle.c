@@ -533,7 +533,8 @@ static wh_code settle(run *r)
 		if ((i > 0 || r->report->rounds > 0) && recut(r, near) != WH_OK)
 			return r->c->err.code;
 		const uint64_t before = r->faces;
-		const bool last = near && r->report->never_free_vertices == 0;
+		const bool last =
+		    near && (r->report->never_free_vertices == 0 || i >= MOST_SETTLINGS / 2);
 		wh_code code;
 		if (!counted)
 			code = exhaust_once(r);
