@@ -187,9 +187,10 @@ static wh_ply_style style(const run *r)
 static wh_simplify_params engine_params(const run *r)
 {
 	return (wh_simplify_params){.max_cost = INFINITY,
-	                            .max_err = r->max_err,
+	                            .max_err = r->max_err * r->ingest.scale,
 	                            .lock_boundary = r->params->lock_boundary,
-	                            .float_positions = !r->input.source.is_double};
+	                            .float_positions = !r->input.source.is_double,
+	                            .step = r->ingest.step};
 }
 
 /* ---- stages ------------------------------------------------------------------------------- */
@@ -320,7 +321,9 @@ static wh_code ingest(run *r)
 	t->degenerate_faces += r->ingest.degenerate;
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
-	t->diagonal = wh_norm(wh_sub(r->ingest.hi, r->ingest.lo));
+	const double scale = r->ingest.scale;
+	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
+	t->diagonal /= scale;
 	if (r->faces == 0)
 		return wh_fail(r->c, WH_E_INPUT,
 		               "%s: all %llu faces are degenerate: nothing to reduce",
@@ -597,7 +600,7 @@ static wh_code emit(run *r, wh_outfile **out)
 	t->output_vertices = vertices_now(r);
 	t->output_faces = r->faces;
 	phase_begin(r);
-	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, style(r), r->ingest.origin,
+	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, style(r), r->ingest.scale,
 	                       t->output_vertices, t->output_faces);
 	if (code == WH_OK)
 		code = commit(r, out);
@@ -677,7 +680,7 @@ static wh_code write_result(run *r, wh_outfile **out)
 	wh_code code = wh_patch_order(r->c, &r->patch);
 	if (code == WH_OK)
 		code = wh_finish_write(r->c, &r->progress, *out, style(r), &r->patch,
-		                       r->ingest.origin);
+		                       r->ingest.scale);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
@@ -786,8 +789,9 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
 	wh_outfile_abort(c, &out);
-	report->cost_distance = r.work.cost_distance;
-	report->accumulated_error = r.work.highest_err;
+	const double unit = r.ingest.scale > 0 ? 1 / r.ingest.scale : 1;
+	report->cost_distance = r.work.cost_distance * unit;
+	report->accumulated_error = r.work.highest_err * unit;
 	report->threads = r.exec.workers;
 	report->memory_ceiling = r.memory;
 	report->memory_peak = atomic_load(&c->mem->peak);

@@ -15,7 +15,7 @@ static wh_check inspect(const char *path, size_t memory, uint64_t cluster_faces,
 	const wh_inspect_params p = {
 	    .path = path, .temp_dir = "/tmp", .memory = memory, .cluster_faces = cluster_faces};
 	wh_check r;
-	const wh_code code = wh_inspect_file(&t.ctx, &ex, &p, &r);
+	const wh_code code = wh_inspect_file(&t.ctx, &ex, &p, &r, NULL);
 	if (code != WH_OK)
 		print_message("%s\n", t.ctx.err.text);
 	assert_int_equal(code, WH_OK);
@@ -182,7 +182,7 @@ static void a_ceiling_too_low_for_anything_is_refused_in_words(void **state)
 	ply_end(&p);
 	const wh_inspect_params params = {.path = p.path, .temp_dir = "/tmp", .memory = 1 << 20};
 	wh_check r;
-	assert_int_equal(wh_inspect_file(&t.ctx, &ex, &params, &r), WH_E_PLAN);
+	assert_int_equal(wh_inspect_file(&t.ctx, &ex, &params, &r, NULL), WH_E_PLAN);
 	assert_non_null(strstr(t.ctx.err.text, "use --memory"));
 	(void)unlink(p.path);
 	testing_done(&t);

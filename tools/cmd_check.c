@@ -86,7 +86,7 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	return WH_OK;
 }
 
-static wh_code check_file(cmd_env *e, const options *o, wh_check *r)
+static wh_code check_file(cmd_env *e, const options *o, wh_check *r, bool *is_double)
 {
 	progress_bar bar;
 	progress_bar_init(&bar, !o->quiet);
@@ -95,7 +95,7 @@ static wh_code check_file(cmd_env *e, const options *o, wh_check *r)
 	                             .memory = (size_t)o->memory,
 	                             .progress = progress_bar_tell,
 	                             .progress_user = &bar};
-	const wh_code code = wh_inspect_file(&e->ctx, &e->exec, &p, r);
+	const wh_code code = wh_inspect_file(&e->ctx, &e->exec, &p, r, is_double);
 	progress_bar_end(&bar);
 	return code;
 }
@@ -139,7 +139,14 @@ static uint64_t value_of(const wh_check *r, const row *w)
 	return v;
 }
 
-static void print_table(const wh_check *r)
+static void print_corner(const char *what, wh_vec3 p, bool is_double)
+{
+	char x[CMD_REAL_TEXT], y[CMD_REAL_TEXT], z[CMD_REAL_TEXT];
+	(void)printf("%-28s %s %s %s\n", what, cmd_real_text(p.x, is_double, x),
+	             cmd_real_text(p.y, is_double, y), cmd_real_text(p.z, is_double, z));
+}
+
+static void print_table(const wh_check *r, bool is_double)
 {
 	for (int i = 0; i < NROWS; i++)
 		(void)printf("%-28s %12" PRIu64 "\n", rows[i].text, value_of(r, rows + i));
@@ -149,8 +156,8 @@ static void print_table(const wh_check *r)
 	else
 		(void)printf("%-28s %12s\n", "genus", "undefined");
 	(void)printf("%-28s %12.9g\n", "area", r->area);
-	(void)printf("%-28s %.9g %.9g %.9g\n", "box from", r->lo.x, r->lo.y, r->lo.z);
-	(void)printf("%-28s %.9g %.9g %.9g\n", "box to", r->hi.x, r->hi.y, r->hi.z);
+	print_corner("box from", r->lo, is_double);
+	print_corner("box to", r->hi, is_double);
 	(void)printf("%-28s %12s\n", "clean", wh_check_clean(r) ? "yes" : "no");
 }
 
@@ -189,12 +196,13 @@ int cmd_check(int argc, char **argv)
 		return usage;
 	cmd_env e;
 	wh_check r = {0};
+	bool is_double = false;
 	cmd_env_init(&e, argv[0]);
 	e.exec.workers = wh_exec_threads((int)o.threads);
-	if (check_file(&e, &o, &r) != WH_OK)
+	if (check_file(&e, &o, &r, &is_double) != WH_OK)
 		return cmd_report_failure(&e);
 	if (!o.json)
-		print_table(&r);
+		print_table(&r, is_double);
 	else if (print_json(&e.ctx, o.path, &r) != WH_OK)
 		return cmd_report_failure(&e);
 	return o.strict && !wh_check_clean(&r) ? WH_E_INPUT : WH_OK;

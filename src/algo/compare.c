@@ -355,8 +355,8 @@ wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const 
 	box ba, bb;
 	if (bound(c, a, "first", &ba) != WH_OK || bound(c, b, "second", &bb) != WH_OK)
 		return c->err.code;
-	r->diagonal = wh_norm(wh_sub(ba.hi, ba.lo));
 	const wh_frame f = wh_frame_of_box(min_of(ba.lo, bb.lo), max_of(ba.hi, bb.hi));
+	r->diagonal = wh_norm(wh_sub(wh_scale(ba.hi, f.scale), wh_scale(ba.lo, f.scale))) / f.scale;
 	const uint64_t samples = params->samples ? params->samples : default_samples(a, b);
 	surface s[2] = {0};
 	wh_code code = prepare(c, ex, a, &f, s);

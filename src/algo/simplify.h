@@ -26,10 +26,12 @@ typedef struct wh_simplify_params {
 	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
 	bool float_positions; /* new positions are rounded to float */
-	bool insist;          /* out of candidates, look at all edges again while that helps */
-	bool no_overshoot;    /* where only one face is left to go and no boundary edge to take it,
-	                         stop one above the target instead of one below */
-	wh_cost_log *log;     /* is added to; NULL: no log */
+	double step; /* a power of two: new positions are whole steps away from an old one, so that
+	                moving the mesh does not round them anew; 0: as they come */
+	bool insist; /* out of candidates, look at all edges again while that helps */
+	bool no_overshoot; /* where only one face is left to go and no boundary edge to take it,
+	                      stop one above the target instead of one below */
+	wh_cost_log *log;  /* is added to; NULL: no log */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

@@ -50,6 +50,10 @@ static inline size_t wh_kdtree_bytes(uint32_t cells)
 	return 2 * (size_t)cells * sizeof(wh_kdnode);
 }
 
+/* Width of the middle nine tenths of the points along an axis, from some of them, evenly spaced.
+ * 0 for no points. */
+double wh_kd_spread(const wh_kdpoint *point, size_t n, uint32_t axis);
+
 static inline double wh_kd_axis(const wh_vec3 *p, double id, uint32_t axis)
 {
 	return axis == 0 ? p->x : axis == 1 ? p->y : axis == 2 ? p->z : id;

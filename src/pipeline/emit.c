@@ -20,7 +20,7 @@ typedef struct emit {
 	wh_progress *progress;
 	wh_outfile *out;
 	wh_ply_style style;
-	wh_vec3 origin;
+	double unscale; /* a power of two */
 	emit_hand *hands;
 	wh_idmap cut;    /* cut vertices: their number in the output */
 	uint64_t *first; /* per cluster, and the end: number of its first vertex */
@@ -68,7 +68,7 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 			return c->err.code;
 		if (!ours)
 			continue;
-		const wh_vec3 q = wh_add(p->pos[v], e->origin);
+		const wh_vec3 q = wh_scale(p->pos[v], e->unscale);
 		h->xyz[3 * n] = q.x;
 		h->xyz[3 * n + 1] = q.y;
 		h->xyz[3 * n + 2] = q.z;
@@ -133,14 +133,14 @@ static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t verti
 }
 
 wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
-                wh_outfile *out, wh_ply_style style, wh_vec3 origin, uint64_t vertices,
+                wh_outfile *out, wh_ply_style style, double scale, uint64_t vertices,
                 uint64_t faces)
 {
 	emit e = {.store = store,
 	          .progress = progress,
 	          .out = out,
 	          .style = style,
-	          .origin = origin,
+	          .unscale = 1 / scale,
 	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
 	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
 	if (e.hands && e.first)

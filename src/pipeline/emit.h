@@ -19,11 +19,11 @@
 size_t wh_emit_bytes(uint64_t nv, uint64_t nf);
 
 /*
- * Writes header, vertices (moved by `origin`) and faces to an open output. The counts are those of
- * the whole mesh, with each cut vertex counted once.
+ * Writes header, vertices (whose positions were multiplied by `scale`, a power of two) and faces to
+ * an open output. The counts are those of the whole mesh, with each cut vertex counted once.
  */
 wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
-                wh_outfile *out, wh_ply_style style, wh_vec3 origin, uint64_t vertices,
+                wh_outfile *out, wh_ply_style style, double scale, uint64_t vertices,
                 uint64_t faces);
 
 #endif

@@ -17,8 +17,8 @@ size_t wh_finish_bytes(uint64_t nv, uint64_t nf);
 wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
                          uint64_t *unreferenced);
 
-/* Writes p, moved by `origin`, to an open output. */
+/* Writes p, whose positions were multiplied by `scale`, a power of two, to an open output. */
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
-                        const wh_patch *p, wh_vec3 origin);
+                        const wh_patch *p, double scale);
 
 #endif

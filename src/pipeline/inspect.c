@@ -15,10 +15,8 @@ enum {
 	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	LOADER_BYTES = 6 * 1024 * 1024,   /* a worker that loads */
-	BUFFER_LEAST = 4 * 1024,          /* write buffer of a cluster during ingest */
-	BUFFER_MOST = 256 * 1024,
-	CUT_BYTES = 250,  /* for a cut vertex, its faces and their other corners */
-	FACE_BYTES = 110, /* of a cluster, generously */
+	CUT_BYTES = 250,                  /* for a cut vertex, its faces and their other corners */
+	FACE_BYTES = 110,                 /* of a cluster, generously */
 	FACES_LEAST = 32 * 1024,
 	FACES_MOST = 1024 * 1024 /* larger ones have shorter cuts but fit no cache */
 };
@@ -189,39 +187,6 @@ static wh_code refuse_early(const inspection *n, size_t least)
 
 /* ---- in memory ---------------------------------------------------------------------------- */
 
-static void move(wh_mesh *m, wh_vec3 by)
-{
-	for (uint32_t v = 0; v < m->nv; v++)
-		m->pos[v] = wh_add(m->pos[v], by);
-}
-
-static wh_vec3 lowest_corner(const wh_mesh *m)
-{
-	wh_vec3 lo = m->nv ? m->pos[0] : wh_v3(0, 0, 0);
-	for (uint32_t v = 1; v < m->nv; v++)
-		lo = wh_v3(fmin(lo.x, m->pos[v].x), fmin(lo.y, m->pos[v].y),
-		           fmin(lo.z, m->pos[v].z));
-	return lo;
-}
-
-/* Positions as doubles are brought near zero, as ingest does, so that areas come out the same;
- * whether they coincide is asked before that. */
-static wh_code check_doubles(inspection *n, wh_mesh *m)
-{
-	wh_check *r = n->r;
-	uint64_t duplicates;
-	if (wh_coincident_count(n->c, m->pos, m->nv, NULL, &duplicates) != WH_OK)
-		return n->c->err.code;
-	const wh_vec3 origin = lowest_corner(m);
-	move(m, wh_scale(origin, -1));
-	if (wh_check_mesh(n->c, m, r) != WH_OK)
-		return n->c->err.code;
-	r->duplicate_vertices = duplicates;
-	r->lo = wh_add(r->lo, origin);
-	r->hi = wh_add(r->hi, origin);
-	return WH_OK;
-}
-
 static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
 {
 	const wh_source *src = &n->input.source;
@@ -232,7 +197,7 @@ static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
 	if (code != WH_OK)
 		return code;
 	*degenerate = src->nf - m.nf;
-	code = src->is_double ? check_doubles(n, &m) : wh_check_mesh(n->c, &m, n->r);
+	code = wh_check_mesh(n->c, &m, n->r);
 	wh_mesh_free(n->c, &m);
 	return code;
 }
@@ -242,16 +207,11 @@ static wh_code check_in_memory(inspection *n, uint64_t *degenerate)
 static wh_code ingest(inspection *n, wh_store *store, wh_ingest_result *cut)
 {
 	const wh_source *src = &n->input.source;
-	wh_ingest_params p = {.clusters = cluster_count(n, cluster_faces(n, budget(n))),
-	                      .buffer = BUFFER_LEAST};
+	wh_ingest_params p = {.clusters = cluster_count(n, cluster_faces(n, budget(n)))};
 	wh_exec ex = *n->exec;
-	while (ex.workers > 1 && wh_ingest_bytes(src, &ex, &p) > budget(n))
-		ex.workers--;
-	const size_t least = wh_ingest_bytes(src, &ex, &p);
-	if (least > budget(n))
-		return refuse_early(n, least);
-	const size_t spare = (budget(n) - least) / 2 / p.clusters;
-	p.buffer = spare > BUFFER_MOST ? BUFFER_MOST : spare > BUFFER_LEAST ? spare : BUFFER_LEAST;
+	const size_t need = wh_ingest_fit(src, budget(n), &ex, &p);
+	if (need > budget(n))
+		return refuse_early(n, need);
 	return wh_ingest(n->c, &ex, &n->progress, src, &p, store, cut);
 }
 
@@ -283,8 +243,10 @@ static wh_code check_in_clusters(inspection *n, uint64_t *degenerate)
 	*degenerate = cut.degenerate;
 	r->vertices = src->nv;
 	r->unreferenced_vertices = src->nv - r->referenced_vertices;
-	r->lo = wh_add(r->lo, cut.origin);
-	r->hi = wh_add(r->hi, cut.origin);
+	const double unit = 1 / cut.scale;
+	r->lo = wh_scale(r->lo, unit);
+	r->hi = wh_scale(r->hi, unit);
+	r->area *= unit * unit;
 	return wh_duplicate_vertices(n->c, n->exec, &n->progress, src, budget(n),
 	                             &r->duplicate_vertices);
 }
@@ -323,7 +285,8 @@ static wh_code check_once(inspection *n, bool rewrite)
 	return WH_OK;
 }
 
-wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r)
+wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r,
+                        bool *is_double)
 {
 	*r = (wh_check){0};
 	inspection n = {
@@ -340,6 +303,8 @@ wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p
 		code = check_once(&n, false);
 	if (code == WH_E_IRREGULAR) /* faces that are not triangles behind a triangle's size */
 		code = check_once(&n, true);
+	if (is_double)
+		*is_double = n.input.source.is_double;
 	if (n.input_open)
 		wh_input_close(c, &n.spill, &n.input);
 	wh_spill_close(c, &n.spill);

@@ -27,9 +27,10 @@ typedef struct wh_inspect_params {
  * Checks a file. Degenerate faces count among the faces. WH_E_INPUT for a damaged file, also an
  * index out of range or a coordinate that is not finite, and for one without any faces; WH_E_PLAN
  * when the ceiling is too low, with a size that would do. c->mem->limit is set for the time of
- * the call.
+ * the call. *is_double (may be NULL): positions are doubles.
  */
-wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r);
+wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r,
+                        bool *is_double);
 
 /*
  * Checks the mesh of a store of clusters, which stays. *r is as from wh_check_pieces_end:
