@@ -323,6 +323,8 @@ static wh_code ingest(run *r)
 			return r->c->err.code;
 		code = ingest_once(r);
 	}
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
 	if (code != WH_OK)
 		return code;
 	count_input_reads(r);
@@ -531,6 +533,7 @@ static wh_code write_result(run *r, wh_outfile **out)
 	const wh_ply_style style = {.ascii = r->params->ascii,
 	                            .is_double = r->input.source.is_double};
 	phase_begin(r);
+	wh_progress_phase(&r->progress, "order", r->patch.nv);
 	wh_code code = wh_finish_order(r->c, &r->patch);
 	if (code == WH_OK)
 		code =
@@ -563,6 +566,8 @@ static wh_code copy_input(run *r, wh_outfile **out)
 			code = wh_outfile_write(r->c, *out, buf, n);
 	}
 	wh_free(r->c, buf);
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
 	if (code == WH_OK)
 		code = commit(r, out);
 	return phase_end(r, WH_PHASE_WRITE, code);

@@ -99,8 +99,6 @@ typedef struct checker {
 	size_t star_cap;   /* faces these three have room for */
 } checker;
 
-enum { POLL_EVERY = 1 << 16 };
-
 static bool is_invalid(const wh_mesh *m, const uint32_t *t)
 {
 	return t[0] >= m->nv || t[1] >= m->nv || t[2] >= m->nv;
@@ -234,6 +232,8 @@ static wh_code count_duplicate_vertices(wh_ctx *c, const wh_mesh *m, wh_check *r
 			a[n++] = (hash_position(m->pos[v]) & ~(uint64_t)UINT32_MAX) | v;
 	sort_pass(a, b, n, 32);
 	sort_pass(b, a, n, 43);
+	if (wh_poll(c) != WH_OK)
+		goto out;
 	sort_pass(a, b, n, 53);
 	for (size_t i = 0, end; i < n; i = end) {
 		for (end = i + 1; end < n && b[end] >> 32 == b[i] >> 32;)
@@ -259,6 +259,8 @@ static wh_code build_stars(checker *k)
 		return k->c->err.code;
 	for (uint32_t f = 0; f < m->nf; f++) {
 		const uint32_t *t = m->tri + 3 * (size_t)f;
+		if (wh_poll_at(k->c, f) != WH_OK)
+			return k->c->err.code;
 		for (int i = 0; i < 3 && is_face(m, t); i++)
 			k->first[t[i]]++;
 	}
@@ -266,6 +268,8 @@ static wh_code build_stars(checker *k)
 		k->first[v] += k->first[v - 1]; /* the end of each star, for now */
 	for (uint32_t f = m->nf; f-- > 0;) {
 		const uint32_t *t = m->tri + 3 * (size_t)f;
+		if (wh_poll_at(k->c, f) != WH_OK)
+			return k->c->err.code;
 		for (int i = 0; i < 3 && is_face(m, t); i++)
 			k->star[--k->first[t[i]]] = f;
 	}
@@ -414,9 +418,7 @@ static void count_star(checker *k, uint32_t v)
 static wh_code count_edges(checker *k)
 {
 	for (uint32_t v = 0; v < k->m->nv; v++) {
-		if (v % POLL_EVERY == 0 && wh_poll(k->c) != WH_OK)
-			return k->c->err.code;
-		if (look_at(k, v) != WH_OK)
+		if (wh_poll_at(k->c, v) != WH_OK || look_at(k, v) != WH_OK)
 			return k->c->err.code;
 		count_star(k, v);
 	}
@@ -486,7 +488,7 @@ static wh_code count_loops(checker *k)
 	for (uint32_t v = 0; v < k->m->nv; v++) {
 		if (!bit_get(k->ends_open, v))
 			continue;
-		if (look_at(k, v) != WH_OK)
+		if (wh_poll_at(k->c, v) != WH_OK || look_at(k, v) != WH_OK)
 			return k->c->err.code;
 		(void)join_fans(k);
 		k->r->boundary_loops -= join_fan_ends(k, v);
@@ -514,7 +516,7 @@ static wh_code count_components(checker *k)
 		return k->c->err.code;
 	sets_init(sets, m->nv);
 	k->r->components = k->r->referenced_vertices;
-	for (uint32_t f = 0; f < m->nf; f++) {
+	for (uint32_t f = 0; f < m->nf && wh_poll_at(k->c, f) == WH_OK; f++) {
 		const uint32_t *t = m->tri + 3 * (size_t)f;
 		if (!is_face(m, t))
 			continue;
@@ -522,7 +524,7 @@ static wh_code count_components(checker *k)
 		k->r->components -= sets_join(sets, t[0], t[2]);
 	}
 	wh_free(k->c, sets);
-	return WH_OK;
+	return k->c->err.code;
 }
 
 /* ---- the whole
@@ -597,7 +599,9 @@ wh_code wh_check_mesh(wh_ctx *c, const wh_mesh *m, wh_check *r)
 	if (code != WH_OK)
 		return code;
 	count_faces(m, r);
-	code = check_topology(&k);
+	code = wh_poll(c);
+	if (code == WH_OK)
+		code = check_topology(&k);
 	free_tables(&k);
 	return code;
 }

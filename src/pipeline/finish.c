@@ -135,9 +135,11 @@ typedef struct place {
 } place;
 
 /* Least significant digit first, 11 bits at a time. Leaves the result in `a`. */
-static void sort_places(place *a, place *b, uint32_t n)
+static wh_code sort_places(wh_ctx *c, place *a, place *b, uint32_t n)
 {
 	for (unsigned shift = 0; shift < 66; shift += 11) {
+		if (wh_poll(c) != WH_OK)
+			return c->err.code;
 		uint32_t start[2049] = {0};
 		for (uint32_t i = 0; i < n; i++)
 			start[(a[i].key >> shift & 2047) + 1]++;
@@ -149,6 +151,7 @@ static void sort_places(place *a, place *b, uint32_t n)
 		a = b;
 		b = t;
 	}
+	return WH_OK;
 }
 
 static void curve_places(const wh_patch *p, place *at)
@@ -190,6 +193,29 @@ static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
 	}
 }
 
+/* Vertices in the order of `at`, faces with their new numbers in the order of theirs. pos, tri and
+ * map (nv + 1 entries) are scratch. */
+static wh_code put_in_order(wh_ctx *c, wh_patch *p, const place *at, wh_vec3 *pos, uint32_t *tri,
+                            uint32_t *map)
+{
+	for (uint32_t i = 0; i < p->nv; i++) {
+		map[at[i].v] = i;
+		pos[i] = p->pos[at[i].v];
+	}
+	memcpy(p->pos, pos, p->nv * sizeof *pos);
+	for (uint32_t f = 0; f < p->nf; f++) {
+		uint32_t *t = &p->tri[3 * (size_t)f];
+		if (wh_poll_at(c, f) != WH_OK)
+			return c->err.code;
+		for (int k = 0; k < 3; k++)
+			t[k] = map[t[k]];
+		least_first(t);
+	}
+	order_faces(p, map, tri);
+	memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
+	return WH_OK;
+}
+
 wh_code wh_finish_order(wh_ctx *c, wh_patch *p)
 {
 	place *at = wh_alloc(c, p->nv, 2 * sizeof *at);
@@ -198,20 +224,8 @@ wh_code wh_finish_order(wh_ctx *c, wh_patch *p)
 	uint32_t *tri = wh_alloc(c, p->nf, 3 * sizeof *tri);
 	if (at && map && pos && tri) {
 		curve_places(p, at);
-		sort_places(at, at + p->nv, p->nv);
-		for (uint32_t i = 0; i < p->nv; i++) {
-			map[at[i].v] = i;
-			pos[i] = p->pos[at[i].v];
-		}
-		memcpy(p->pos, pos, p->nv * sizeof *pos);
-		for (uint32_t f = 0; f < p->nf; f++) {
-			uint32_t *t = &p->tri[3 * (size_t)f];
-			for (int k = 0; k < 3; k++)
-				t[k] = map[t[k]];
-			least_first(t);
-		}
-		order_faces(p, map, tri);
-		memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
+		if (sort_places(c, at, at + p->nv, p->nv) == WH_OK)
+			(void)put_in_order(c, p, at, pos, tri, map);
 	}
 	wh_free(c, at);
 	wh_free(c, map);
