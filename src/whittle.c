@@ -312,6 +312,8 @@ static wh_code ingest(run *r)
 			return r->c->err.code;
 		code = ingest_once(r);
 	}
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
 	if (code != WH_OK)
 		return code;
 	count_input_reads(r);
@@ -677,10 +679,11 @@ static wh_code check(run *r)
 static wh_code write_result(run *r, wh_outfile **out)
 {
 	phase_begin(r);
+	wh_progress_phase(&r->progress, "order", r->patch.nv);
 	wh_code code = wh_patch_order(r->c, &r->patch);
 	if (code == WH_OK)
-		code = wh_finish_write(r->c, &r->progress, *out, style(r), &r->patch,
-		                       r->ingest.scale);
+		code =
+		    wh_finish_write(r->c, &r->progress, *out, style(r), &r->patch, r->ingest.scale);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
@@ -709,6 +712,8 @@ static wh_code copy_input(run *r, wh_outfile **out)
 			code = wh_outfile_write(r->c, *out, buf, n);
 	}
 	wh_free(r->c, buf);
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
 	if (code == WH_OK)
 		code = commit(r, out);
 	return phase_end(r, WH_PHASE_WRITE, code);

@@ -46,6 +46,7 @@ void cmd_env_init(cmd_env *e, const char *name)
 	catch_stop(SIGINT);
 	catch_stop(SIGTERM);
 	catch_stop(SIGHUP);
+	catch_stop(SIGXCPU); /* a soft limit of CPU time: the hard one kills */
 	ignore(SIGPIPE);
 	ignore(SIGXFSZ);
 }

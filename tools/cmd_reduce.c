@@ -130,6 +130,8 @@ int cmd_reduce(int argc, char **argv)
 		return report_status;
 	cmd_env env;
 	cmd_env_init(&env, "reduce");
+	if (o.report && reduce_report_try(&env, o.report, o.params.force) != 0)
+		return WH_E_RUN;
 	progress_bar bar;
 	progress_bar_init(&bar, !o.quiet && !o.no_progress);
 	o.params.progress = progress_bar_tell;

@@ -1,10 +1,14 @@
 #define _POSIX_C_SOURCE 200809L
 #include "reduce_report.h"
 
+#include "io/outfile.h"
+
 #include <jansson.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 size_t cmd_peak_rss(void)
 {
@@ -127,6 +131,36 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 }
 
+static wh_code write_text(wh_ctx *c, const char *path, bool force, const json_t *root)
+{
+	wh_outfile *o;
+	char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+	if (!text)
+		return wh_fail(c, WH_E_RUN, "out of memory");
+	if (wh_outfile_open(c, &o, path, force) == WH_OK) {
+		(void)wh_outfile_write(c, o, text, strlen(text));
+		(void)wh_outfile_write(c, o, "\n", 1);
+		(void)wh_outfile_commit(c, &o);
+	}
+	free(text);
+	return c->err.code;
+}
+
+int reduce_report_try(const cmd_env *e, const char *path, bool force)
+{
+	struct stat st;
+	wh_ctx c = wh_ctx_fork(&e->ctx);
+	wh_outfile *o;
+	if (strcmp(path, "-") == 0 || (stat(path, &st) == 0 && !S_ISREG(st.st_mode)))
+		return 0;
+	if (wh_outfile_open(&c, &o, path, force) == WH_OK) {
+		wh_outfile_abort(&c, &o);
+		return 0;
+	}
+	(void)fprintf(stderr, "whittle %s: --report: %s\n", e->name, c.err.text);
+	return -1;
+}
+
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
                         const wh_reduce_report *r)
 {
@@ -137,17 +171,11 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_output(root, p, r);
 	put_outcome(root, r);
 	put_costs(root, r);
-	FILE *f = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
-	int status = -1;
-	if (f) {
-		status = json_dumpf(root, f, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
-		(void)fputc('\n', f);
-		if ((f == stdout ? fflush(f) : fclose(f)) != 0)
-			status = -1;
-	}
-	if (status != 0)
-		(void)fprintf(stderr, "whittle %s: cannot write the report to '%s'\n", e->name,
-		              path);
+	wh_ctx c = wh_ctx_fork(&e->ctx);
+	const wh_code code = write_text(&c, path, p->force, root);
 	json_decref(root);
-	return status;
+	if (code != WH_OK)
+		(void)fprintf(stderr, "whittle %s: the mesh was written, but not the report: %s\n",
+		              e->name, c.err.text);
+	return code == WH_OK ? 0 : -1;
 }

@@ -8,6 +8,10 @@
 /* Faces removed in a second of the whole run. */
 double reduce_faces_per_second(const wh_reduce_report *r);
 
+/* Finds out, before the work begins, whether `path` can be written. 0, or -1 after printing why
+ * not. Leaves no trace. */
+int reduce_report_try(const cmd_env *e, const char *path, bool force);
+
 /* Writes the report to `path` ("-": standard output). 0, or -1 after printing why not. */
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
                         const wh_reduce_report *r);

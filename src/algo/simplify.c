@@ -405,6 +405,8 @@ static wh_code push_all(wh_engine *e)
 {
 	wh_simplify_work *w = e->w;
 	for (uint32_t v = 0; v < e->p->nv; v++) {
+		if (wh_poll_at(e->c, v) != WH_OK)
+			return e->c->err.code;
 		if ((e->p->flag[v] & WH_HUB) && w->count[v] <= MOST_FACES_AROUND &&
 		    classify(e, v) != WH_OK)
 			return e->c->err.code;
@@ -461,7 +463,8 @@ static wh_code set_up(wh_engine *e)
 	for (uint32_t f = 0; f < p->nf; f++)
 		w->normal[f] = face_normal(p, f);
 	for (uint32_t v = 0; v < p->nv; v++)
-		if (!(p->flag[v] & WH_CUT) && classify(e, v) != WH_OK)
+		if (wh_poll_at(e->c, v) != WH_OK ||
+		    (!(p->flag[v] & WH_CUT) && classify(e, v) != WH_OK))
 			return e->c->err.code;
 	wh_queue_reset(&w->queue,
 	               isfinite(e->params->max_cost) ? e->params->max_cost : cost_scale(p));

@@ -61,4 +61,10 @@ wh_ctx wh_ctx_fork(const wh_ctx *c);
  */
 wh_code wh_poll(wh_ctx *c);
 
+/* The same for loops of short turns: looks at every 65536th, i being the turn's number. */
+static inline wh_code wh_poll_at(wh_ctx *c, uint64_t i)
+{
+	return (i & 0xffff) == 0 ? wh_poll(c) : WH_OK;
+}
+
 #endif

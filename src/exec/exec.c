@@ -1,4 +1,10 @@
-/* OpenMP appears in this file alone. Without it the pragmas vanish and the loops are serial. */
+/*
+ * OpenMP appears in this file alone. Without it the pragmas vanish and the loops are serial.
+ *
+ * OpenMP's libraries end the process when a thread cannot be started (ulimit -u, a control group's
+ * pids.max, ulimit -v), and nobody cleans up. So before each loop the threads are started once
+ * for trial; when the system refuses, the loop runs on fewer. A start takes some 10 microseconds.
+ */
 #define _GNU_SOURCE
 #include "exec/exec.h"
 
@@ -7,6 +13,7 @@
 
 #ifdef _OPENMP
 #include <omp.h>
+#include <pthread.h>
 #endif
 
 int wh_exec_threads(int asked)
@@ -19,6 +26,56 @@ int wh_exec_threads(int asked)
 	const int n = CPU_COUNT(&set);
 	return n > 0 ? n : 1;
 }
+
+/* ---- threads for trial ---------------------------------------------------------------------- */
+
+#ifdef _OPENMP
+
+/* A thread for trial lives until all of them have been started. */
+static void *linger(void *gate)
+{
+	(void)pthread_mutex_lock(gate);
+	(void)pthread_mutex_unlock(gate);
+	return NULL;
+}
+
+enum { TRIAL_MOST = 1024 };
+
+/* How many of n threads the system starts beside those that exist. */
+static int start_for_trial(int n)
+{
+	pthread_t thread[TRIAL_MOST];
+	pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
+	int started = 0;
+	(void)pthread_mutex_lock(&gate);
+	while (started < n && pthread_create(&thread[started], NULL, linger, &gate) == 0)
+		started++;
+	(void)pthread_mutex_unlock(&gate);
+	for (int i = 0; i < started; i++)
+		(void)pthread_join(thread[i], NULL);
+	return started;
+}
+
+/*
+ * As many workers, the caller included, as can be started without risk. Half as many threads again
+ * are tried: one that has just ended may keep its place in the system's count for a moment, and
+ * others start threads too.
+ */
+static int startable(int workers)
+{
+	if (workers <= 1)
+		return 1;
+	int n = workers + workers / 2;
+	if (n > TRIAL_MOST)
+		n = TRIAL_MOST;
+	const int started = start_for_trial(n);
+	const int safe = 1 + started * 2 / 3;
+	return started == n || safe > workers ? workers : safe;
+}
+
+#endif
+
+/* ---- jobs ----------------------------------------------------------------------------------- */
 
 /* The failure of the lowest index; jobs above it need not run. */
 typedef struct outcome {
@@ -77,7 +134,8 @@ wh_code wh_exec_for(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, void *a
 {
 	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
 #ifdef _OPENMP
-#pragma omp parallel for schedule(dynamic, 1) num_threads(ex->workers) if (ex->workers > 1 && n > 1)
+	const int workers = n > 1 ? startable(ex->workers) : 1;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(workers) if (workers > 1)
 #endif
 	for (int64_t i = 0; i < n; i++)
 		run_one(c, &o, job, arg, i, worker_number());
@@ -90,8 +148,8 @@ wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_
 {
 	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
 #ifdef _OPENMP
-#pragma omp parallel for ordered schedule(dynamic, 1) \
-    num_threads(ex->workers) if (ex->workers > 1 && n > 1)
+	const int workers = n > 1 ? startable(ex->workers) : 1;
+#pragma omp parallel for ordered schedule(dynamic, 1) num_threads(workers) if (workers > 1)
 #endif
 	for (int64_t i = 0; i < n; i++) {
 		run_one(c, &o, job, arg, i, worker_number());

@@ -6,7 +6,7 @@
  *
  * A failing job stops the run: jobs not yet started are skipped, and the failure of the lowest
  * failing index is recorded in the caller's context. exec polls the context's cancel flag
- * before every job.
+ * before every job. When the system refuses to start that many threads, fewer do the work.
  */
 #ifndef WH_EXEC_EXEC_H
 #define WH_EXEC_EXEC_H

@@ -2,13 +2,19 @@
  * Buffer -> checksum -> write(2). The checksum is taken when the buffer is flushed, while its
  * bytes are still in cache. A failure is kept in `failed`, so that the many small writes in
  * between need not look for it: the commit does, and then nothing appears under the name.
+ *
+ * A pipe without a reader, or with one that sleeps, must not keep a request to stop waiting: such
+ * targets are opened without blocking and written when poll(2) has room, by no more than surely
+ * fits.
  */
 #define _GNU_SOURCE
 #include "io/outfile.h"
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <limits.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/random.h>
@@ -21,7 +27,8 @@
 enum {
 	BUFFER = 1 << 20,
 	MOST_LINKS = 40, /* symbolic links followed before we call it a loop, as the kernel does */
-	TEMP_TRIES = 100
+	TEMP_TRIES = 100,
+	WAIT_MS = 100 /* between two looks whether to stop */
 };
 
 struct wh_outfile {
@@ -32,6 +39,7 @@ struct wh_outfile {
 	int dirfd;   /* the folder; -1 when written directly */
 	int fd;
 	bool own_fd; /* false for standard output */
+	bool waits;  /* writing may wait for somebody to read */
 	bool force;  /* an existing target may be replaced */
 	bool failed;
 	uint64_t flushed; /* bytes that left the buffer */
@@ -122,12 +130,20 @@ static wh_code open_temp(wh_ctx *c, wh_outfile *o)
 	return WH_OK;
 }
 
-static wh_code open_direct(wh_ctx *c, wh_outfile *o)
+/* A pipe that nobody reads yet cannot be opened (ENXIO): until somebody does. */
+static wh_code open_direct(wh_ctx *c, wh_outfile *o, mode_t kind)
 {
-	o->fd = open(o->shown, O_WRONLY | O_CLOEXEC);
+	do {
+		if (wh_poll(c) != WH_OK)
+			return c->err.code;
+		o->fd = open(o->shown, O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+	} while (o->fd < 0 && errno == ENXIO && S_ISFIFO(kind) && poll(NULL, 0, WAIT_MS) <= 0);
 	if (o->fd < 0)
 		return wh_fail_errno(c, "cannot write '%s'", o->shown);
 	o->own_fd = true;
+	const int flags = fcntl(o->fd, F_GETFL);
+	if (flags < 0 || fcntl(o->fd, F_SETFL, flags & ~O_NONBLOCK) != 0)
+		return wh_fail_errno(c, "cannot write '%s'", o->shown);
 	return WH_OK;
 }
 
@@ -145,7 +161,7 @@ static wh_code open_target(wh_ctx *c, wh_outfile *o)
 		return wh_fail(c, WH_E_USAGE, "'%s' is a folder; give the name of a file",
 		               o->shown);
 	if (exists && !S_ISREG(st.st_mode))
-		return open_direct(c, o);
+		return open_direct(c, o, st.st_mode);
 	if (exists && !o->force)
 		return exists_already(c, o);
 	if (follow_links(c, o->shown, target) != WH_OK || open_folder(c, o, target) != WH_OK ||
@@ -174,6 +190,8 @@ wh_code wh_outfile_open(wh_ctx *c, wh_outfile **out, const char *path, bool forc
 		o->fd = STDOUT_FILENO;
 	else if (open_target(c, o) != WH_OK)
 		goto fail;
+	struct stat st;
+	o->waits = fstat(o->fd, &st) == 0 && !S_ISREG(st.st_mode);
 	*out = o;
 	return WH_OK;
 fail:
@@ -186,10 +204,11 @@ fail:
 static wh_code write_failed(wh_ctx *c, wh_outfile *o)
 {
 	o->failed = true;
-	if (errno == ENOSPC || errno == EDQUOT)
+	if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG)
 		return wh_fail(c, WH_E_RUN,
-		               "no space left for '%s'; make room or write it to another place",
-		               o->shown);
+		               "no space left for '%s' within its first %" PRIu64
+		               " bytes (%s); make room or write it to another place",
+		               o->shown, o->flushed, strerror(errno));
 	return wh_fail_errno(c, "cannot write '%s'", o->shown);
 }
 
@@ -198,12 +217,29 @@ static wh_code failed_before(wh_ctx *c, const wh_outfile *o)
 	return wh_fail(c, WH_E_RUN, "'%s' could not be written", o->shown);
 }
 
+/* Waits until PIPE_BUF bytes can be written, but not for ever when asked to stop. */
+static wh_code wait_for_reader(wh_ctx *c, wh_outfile *o)
+{
+	struct pollfd p = {.fd = o->fd, .events = POLLOUT};
+	int ready;
+	do {
+		if (wh_poll(c) != WH_OK) {
+			o->failed = true;
+			return c->err.code;
+		}
+		ready = poll(&p, 1, WAIT_MS);
+	} while (ready == 0 || (ready < 0 && errno == EINTR));
+	return WH_OK; /* an error shows again on writing */
+}
+
 static wh_code write_all(wh_ctx *c, wh_outfile *o, const unsigned char *bytes, size_t n)
 {
 	(void)XXH3_128bits_update(&o->hash, bytes, n);
 	o->flushed += n;
 	while (n > 0) {
-		const ssize_t done = write(o->fd, bytes, n);
+		if (o->waits && wait_for_reader(c, o) != WH_OK)
+			return c->err.code;
+		const ssize_t done = write(o->fd, bytes, o->waits && n > PIPE_BUF ? PIPE_BUF : n);
 		if (done < 0 && errno == EINTR)
 			continue;
 		if (done < 0)

@@ -4,7 +4,8 @@
  * Bytes go to a temporary file in the target's own folder; commit flushes it and the folder and
  * renames it. Symbolic links are resolved first, so that the link stays and its target is
  * replaced. A target that exists and is not a regular file (/dev/null, /dev/full, a pipe) is
- * written directly, and "-" is standard output. Buffered; counts and checksums (XXH3, 128 bits)
+ * written directly, and "-" is standard output; waiting for the reader of a pipe ends when the
+ * context is asked to stop. Buffered; counts and checksums (XXH3, 128 bits)
  * what passes through. Not thread-safe.
  */
 #ifndef WH_IO_OUTFILE_H

@@ -12,6 +12,8 @@
 
 #include "base/mem.h"
 
+#include <time.h>
+
 typedef enum wh_type {
 	WH_I8,
 	WH_U8,
@@ -53,9 +55,10 @@ typedef enum wh_ply_format { WH_PLY_ASCII, WH_PLY_LE, WH_PLY_BE } wh_ply_format;
 
 typedef struct wh_ply {
 	char *path;
-	int fd;        /* open for reading; owned */
-	uint64_t size; /* bytes of the file */
-	uint64_t body; /* byte offset of the first body byte */
+	int fd;                  /* open for reading; owned */
+	uint64_t size;           /* bytes of the file */
+	struct timespec changed; /* time of its last change when it was opened */
+	uint64_t body;           /* byte offset of the first body byte */
 	wh_ply_format format;
 	char eol; /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
@@ -78,6 +81,10 @@ typedef struct wh_ply {
  */
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path);
 void wh_ply_close(wh_ctx *c, wh_ply *p);
+
+/* WH_E_RUN when the file was written to since it was opened (other size or time of change): what
+ * was read of it may not fit together. */
+wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p);
 
 /* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
 typedef struct wh_source {

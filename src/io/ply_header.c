@@ -390,7 +390,21 @@ static wh_code open_file(wh_ctx *c, wh_ply *p)
 		               "save it to a file first",
 		               p->path);
 	p->size = (uint64_t)st.st_size;
+	p->changed = st.st_mtim;
 	return WH_OK;
+}
+
+wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p)
+{
+	struct stat st;
+	if (fstat(p->fd, &st) != 0)
+		return wh_fail_errno(c, "cannot examine '%s'", p->path);
+	if ((uint64_t)st.st_size == p->size && st.st_mtim.tv_sec == p->changed.tv_sec &&
+	    st.st_mtim.tv_nsec == p->changed.tv_nsec)
+		return WH_OK;
+	return wh_fail(c, WH_E_RUN,
+	               "'%s' was changed while it was read; run again when nobody writes to it",
+	               p->path);
 }
 
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path)

@@ -11,6 +11,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -87,12 +88,25 @@ void wh_spill_close(wh_ctx *c, wh_spill *s)
 	atomic_store(&s->held, 0);
 }
 
-static wh_code no_space(wh_ctx *c, const wh_spill *s)
+/* `more`: bytes that were to come next. */
+static wh_code no_space(wh_ctx *c, const wh_spill *s, uint64_t more)
 {
 	return wh_fail(c, WH_E_RUN,
-	               "no space left in '%s' (%" PRIu64
-	               " bytes of temporary files there); use --temp-dir to choose another place",
-	               s->dir, (uint64_t)atomic_load(&s->held));
+	               "no space left in '%s' (%" PRIu64 " bytes of temporary files there, %" PRIu64
+	               " more to come next; %s); use --temp-dir to choose another place",
+	               s->dir, (uint64_t)atomic_load(&s->held), more, strerror(errno));
+}
+
+/* What a descriptor was opened as, for messages. */
+static const char *name_of(const wh_spill *s, int fd, char name[PATH_MAX])
+{
+	char link[64];
+	(void)snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+	const ssize_t n = readlink(link, name, PATH_MAX - 1);
+	if (n <= 0)
+		return s->dir;
+	name[n] = '\0';
+	return name;
 }
 
 /* Descriptor, or -1 with the failure recorded. */
@@ -102,7 +116,10 @@ static int open_in(wh_ctx *c, const wh_spill *s, const char *name, int flags)
 	if (fd >= 0)
 		return fd;
 	if (errno == ENOSPC || errno == EDQUOT)
-		(void)no_space(c, s);
+		(void)no_space(c, s, 0);
+	else if (errno == ENOENT)
+		(void)wh_fail_errno(c, "the temporary file '%s/%s' is gone: who removed it?",
+		                    s->dir, name);
 	else if (errno == EMFILE || errno == ENFILE)
 		(void)wh_fail_errno(c, "cannot open '%s/%s' (raise the limit with ulimit -n)",
 		                    s->dir, name);
@@ -194,6 +211,7 @@ static int grow(wh_spill *s, int fd, uint64_t end)
 wh_code wh_spill_pwrite(wh_ctx *c, wh_spill *s, int fd, const void *buf, size_t n, uint64_t off)
 {
 	const char *bytes = buf;
+	char name[PATH_MAX];
 	if (n > 0 && grow(s, fd, off + n) != 0)
 		goto fail;
 	atomic_fetch_add(&s->bytes_written, n);
@@ -210,25 +228,32 @@ wh_code wh_spill_pwrite(wh_ctx *c, wh_spill *s, int fd, const void *buf, size_t 
 	return WH_OK;
 fail:
 	if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG)
-		return no_space(c, s);
-	return wh_fail_errno(c, "cannot write a temporary file in '%s'", s->dir);
+		return no_space(c, s, n);
+	return wh_fail_errno(c,
+	                     "cannot write the temporary file '%s' at byte %" PRIu64
+	                     " (use --temp-dir to choose another place)",
+	                     name_of(s, fd, name), off);
 }
 
 wh_code wh_spill_pread(wh_ctx *c, wh_spill *s, int fd, void *buf, size_t n, uint64_t off)
 {
 	char *bytes = buf;
+	char name[PATH_MAX];
 	atomic_fetch_add(&s->bytes_read, n);
 	while (n > 0) {
 		const ssize_t done = pread(fd, bytes, n, (off_t)off);
 		if (done < 0 && errno == EINTR)
 			continue;
 		if (done < 0)
-			return wh_fail_errno(c, "cannot read a temporary file in '%s'", s->dir);
+			return wh_fail_errno(c,
+			                     "cannot read the temporary file '%s' at byte %" PRIu64
+			                     " (use --temp-dir to choose another place)",
+			                     name_of(s, fd, name), off);
 		if (done == 0)
 			return wh_fail(c, WH_E_RUN,
-			               "a temporary file in '%s' is damaged: it ends at byte "
+			               "the temporary file '%s' is damaged: it ends at byte "
 			               "%" PRIu64 ", %zu bytes early",
-			               s->dir, off, n);
+			               name_of(s, fd, name), off, n);
 		bytes += done;
 		off += (uint64_t)done;
 		n -= (size_t)done;

@@ -23,8 +23,6 @@
 
 #include <math.h>
 
-enum { POLL_EVERY = 1 << 16 };
-
 static bool is_invalid(const wh_checker *k, const uint32_t *t)
 {
 	return t[0] >= k->nv || t[1] >= k->nv || t[2] >= k->nv;
@@ -317,9 +315,7 @@ static void count_star(wh_checker *k, uint32_t v)
 wh_code wh_checker_edges(wh_checker *k)
 {
 	for (uint32_t v = 0; v < k->nv; v++) {
-		if (v % POLL_EVERY == 0 && wh_poll(k->c) != WH_OK)
-			return k->c->err.code;
-		if (look_at(k, v) != WH_OK)
+		if (wh_poll_at(k->c, v) != WH_OK || look_at(k, v) != WH_OK)
 			return k->c->err.code;
 		count_star(k, v);
 	}
@@ -389,7 +385,7 @@ wh_code wh_checker_loops(wh_checker *k)
 	for (uint32_t v = 0; v < k->nv; v++) {
 		if (!wh_bit_get(k->ends_open, v))
 			continue;
-		if (look_at(k, v) != WH_OK)
+		if (wh_poll_at(k->c, v) != WH_OK || look_at(k, v) != WH_OK)
 			return k->c->err.code;
 		(void)join_fans(k);
 		k->r->boundary_loops -= join_fan_ends(k, v);

@@ -10,9 +10,11 @@ typedef struct place {
 } place;
 
 /* Least significant digit first, 11 bits at a time. Leaves the result in `a`. */
-static void sort_places(place *a, place *b, uint32_t n)
+static wh_code sort_places(wh_ctx *c, place *a, place *b, uint32_t n)
 {
 	for (unsigned shift = 0; shift < 66; shift += 11) {
+		if (wh_poll(c) != WH_OK)
+			return c->err.code;
 		uint32_t start[2049] = {0};
 		for (uint32_t i = 0; i < n; i++)
 			start[(a[i].key >> shift & 2047) + 1]++;
@@ -24,6 +26,7 @@ static void sort_places(place *a, place *b, uint32_t n)
 		a = b;
 		b = t;
 	}
+	return WH_OK;
 }
 
 static void curve_places(const wh_patch *p, place *at)
@@ -88,6 +91,23 @@ static void permute(wh_patch *p, const place *at, uint32_t *map, void *room)
 		map[at[i].v] = i;
 }
 
+/* Faces with their vertices' new numbers, in the order of those. map (nv + 1) and tri are scratch
+ * afterwards. */
+static wh_code renumber(wh_ctx *c, wh_patch *p, uint32_t *map, uint32_t *tri)
+{
+	for (uint32_t f = 0; f < p->nf; f++) {
+		uint32_t *t = &p->tri[3 * (size_t)f];
+		if (wh_poll_at(c, f) != WH_OK)
+			return c->err.code;
+		for (int k = 0; k < 3; k++)
+			t[k] = map[t[k]];
+		least_first(t);
+	}
+	order_faces(p, map, tri);
+	memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
+	return WH_OK;
+}
+
 size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf)
 {
 	return (size_t)nv * (2 * sizeof(place) + sizeof(uint32_t) + sizeof(wh_vec3)) +
@@ -102,16 +122,10 @@ wh_code wh_patch_order(wh_ctx *c, wh_patch *p)
 	uint32_t *tri = wh_alloc(c, p->nf, 3 * sizeof *tri);
 	if (at && map && room && tri) {
 		curve_places(p, at);
-		sort_places(at, at + p->nv, p->nv);
-		permute(p, at, map, room);
-		for (uint32_t f = 0; f < p->nf; f++) {
-			uint32_t *t = &p->tri[3 * (size_t)f];
-			for (int k = 0; k < 3; k++)
-				t[k] = map[t[k]];
-			least_first(t);
+		if (sort_places(c, at, at + p->nv, p->nv) == WH_OK) {
+			permute(p, at, map, room);
+			(void)renumber(c, p, map, tri);
 		}
-		order_faces(p, map, tri);
-		memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
 	}
 	wh_free(c, at);
 	wh_free(c, map);
