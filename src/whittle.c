@@ -39,7 +39,8 @@ enum {
 	MOST_SIZE = 100 * 1000 * 1000,
 	MOST_LOWERINGS = 12,        /* of a round's cost limit, by a factor of 8 each */
 	ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
-	MOST_SETTLINGS = 8,
+	PATIENCE = 4,               /* rounds that wait for a partition that frees every vertex */
+	MOST_SETTLINGS = 64,
 	OPEN_BYTES = 32 * 1024 * 1024 /* enough to look at the input and to refuse it in words */
 };
 
@@ -538,8 +539,7 @@ static wh_code settle(run *r)
 		if ((i > 0 || r->report->rounds > 0) && recut(r, near) != WH_OK)
 			return r->c->err.code;
 		const uint64_t before = r->faces;
-		const bool last =
-		    near && (r->report->never_free_vertices == 0 || i >= MOST_SETTLINGS / 2);
+		const bool last = near && (r->report->never_free_vertices == 0 || i >= PATIENCE);
 		wh_code code;
 		if (!counted)
 			code = exhaust_once(r);
