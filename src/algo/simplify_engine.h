@@ -95,20 +95,15 @@ static inline wh_vec3 face_normal(const wh_patch *p, uint32_t f)
 	return area_vector(p->pos[t[0]], p->pos[t[1]], p->pos[t[2]]);
 }
 
-/* The two corners of f after v, in the face's direction. */
+/* The two corners of f after v, in the face's direction. Which corner v is follows no pattern, so
+ * nothing here is left to be predicted: two bits in each of two small tables tell the others. */
 static inline void face_others(const wh_patch *p, uint32_t f, uint32_t v, uint32_t *a, uint32_t *b)
 {
+	enum { NEXT = 1 | 2 << 2 | 0 << 4, LAST = 2 | 0 << 2 | 1 << 4 };
 	const uint32_t *t = &p->tri[3 * (size_t)f];
-	if (t[0] == v) {
-		*a = t[1];
-		*b = t[2];
-	} else if (t[1] == v) {
-		*a = t[2];
-		*b = t[0];
-	} else {
-		*a = t[0];
-		*b = t[1];
-	}
+	const unsigned shift = (unsigned)(t[1] == v) * 2 + (unsigned)(t[2] == v) * 4;
+	*a = t[(unsigned)NEXT >> shift & 3];
+	*b = t[(unsigned)LAST >> shift & 3];
 }
 
 static inline uint32_t faces_on(const wh_neighbour *b)

@@ -14,7 +14,8 @@ static wh_neighbour *ring_entry(wh_engine *e, wh_ring *r, uint32_t id)
 	wh_simplify_work *w = e->w;
 	if (w->mark[id] >> 32 == w->tick)
 		return &r->item[(uint32_t)w->mark[id]];
-	if (wh_reserve(e->c, &r->item, &r->cap, (size_t)r->n + 1, sizeof *r->item) != WH_OK)
+	if (r->n == r->cap &&
+	    wh_reserve(e->c, &r->item, &r->cap, (size_t)r->n + 1, sizeof *r->item) != WH_OK)
 		return NULL;
 	w->mark[id] = (uint64_t)w->tick << 32 | r->n;
 	wh_neighbour *b = &r->item[r->n++];
