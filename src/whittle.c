@@ -171,9 +171,10 @@ static bool nothing_to_do(const run *r)
 static wh_simplify_params engine_params(const run *r)
 {
 	return (wh_simplify_params){.max_cost = INFINITY,
-	                            .max_err = r->max_err,
+	                            .max_err = r->max_err * r->ingest.scale,
 	                            .lock_boundary = r->params->lock_boundary,
-	                            .float_positions = !r->input.source.is_double};
+	                            .float_positions = !r->input.source.is_double,
+	                            .step = r->ingest.step};
 }
 
 /* ---- stages ------------------------------------------------------------------------------- */
@@ -331,7 +332,9 @@ static wh_code ingest(run *r)
 	t->degenerate_faces += r->ingest.degenerate;
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
-	t->diagonal = wh_norm(wh_sub(r->ingest.hi, r->ingest.lo));
+	const double scale = r->ingest.scale;
+	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
+	t->diagonal /= scale;
 	if (r->faces == 0)
 		return wh_fail(r->c, WH_E_INPUT,
 		               "%s: all %llu faces are degenerate: nothing to reduce",
@@ -533,8 +536,7 @@ static wh_code write_result(run *r, wh_outfile **out)
 	phase_begin(r);
 	wh_code code = wh_finish_order(r->c, &r->patch);
 	if (code == WH_OK)
-		code =
-		    wh_finish_write(r->c, &r->progress, *out, style, &r->patch, r->ingest.origin);
+		code = wh_finish_write(r->c, &r->progress, *out, style, &r->patch, r->ingest.scale);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
@@ -638,8 +640,9 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
 	wh_outfile_abort(c, &out);
-	report->cost_distance = r.work.cost_distance;
-	report->accumulated_error = r.work.highest_err;
+	const double unit = r.ingest.scale > 0 ? 1 / r.ingest.scale : 1;
+	report->cost_distance = r.work.cost_distance * unit;
+	report->accumulated_error = r.work.highest_err * unit;
 	report->threads = r.exec.workers;
 	report->memory_ceiling = r.memory;
 	report->memory_peak = atomic_load(&c->mem->peak);

@@ -465,6 +465,17 @@ static void few_faces_of_steep_noise_turn_over(void **state)
 	assert_true(down < all / 200);
 }
 
+static double volume_of(const wh_patch *p)
+{
+	double volume = 0;
+	for (uint32_t i = 0; i < p->nf; i++) {
+		const uint32_t *t = &p->tri[3 * (size_t)i];
+		const wh_vec3 *q = p->pos;
+		volume += wh_dot(q[t[0]], wh_cross(q[t[1]], q[t[2]])) / 6;
+	}
+	return volume;
+}
+
 static void positions_are_floats_when_asked(void **state)
 {
 	(void)state;
@@ -487,24 +498,61 @@ static void positions_are_floats_when_asked(void **state)
 	drop(&f);
 }
 
+/* How many positions are not whole multiples of the step. */
+static uint32_t off_step(const wh_patch *p, double step)
+{
+	uint32_t n = 0;
+	for (uint32_t v = 0; v < p->nv; v++)
+		n += fmod(p->pos[v].x, step) != 0 || fmod(p->pos[v].y, step) != 0 ||
+		     fmod(p->pos[v].z, step) != 0;
+	return n;
+}
+
+static void new_positions_are_whole_steps_from_old_ones(void **state)
+{
+	(void)state;
+	const double step = 0x1p-20;
+	for (int k = 0; k < 2; k++) {
+		fixture f;
+		grid(&f, 32, 32, 0, 0);
+		for (uint32_t v = 0; v < f.p.nv; v++) {
+			wh_vec3 *q = &f.p.pos[v];
+			*q = wh_v3(floor(q->x / step) * step, floor(q->y / step) * step,
+			           (double)(wh_mix64(v) % 8) / 256);
+		}
+		wh_simplify_params p = no_limits();
+		p.target_faces = 300;
+		p.step = k * step;
+		reduce_with(&f, &p);
+		assert_true(k == 1 ? off_step(&f.p, step) == 0 : off_step(&f.p, step) > 100);
+		drop(&f);
+	}
+}
+
+/* A step larger than the edges, as with an outlier in the box, does not nail vertices down. */
+static void no_step_is_long_beside_its_edge(void **state)
+{
+	(void)state;
+	fixture f;
+	synth(&f, WH_SYNTH_SPHERE, 20000, 1);
+	const double before = volume_of(&f.p);
+	wh_simplify_params p = no_limits();
+	p.target_faces = 1000;
+	p.step = 0x1p40;
+	reduce_with(&f, &p);
+	assert_true(fabs(volume_of(&f.p) / before - 1) < 1e-3);
+	drop(&f);
+}
+
 /* Half as far below as above: the volume under the surface stays. */
 static void the_volume_under_the_surface_stays(void **state)
 {
 	(void)state;
 	fixture f;
 	synth(&f, WH_SYNTH_SPHERE, 20000, 1);
-	double volume[2];
-	for (int k = 0; k < 2; k++) {
-		volume[k] = 0;
-		for (uint32_t i = 0; i < f.p.nf; i++) {
-			const uint32_t *t = &f.p.tri[3 * (size_t)i];
-			const wh_vec3 *q = f.p.pos;
-			volume[k] += wh_dot(q[t[0]], wh_cross(q[t[1]], q[t[2]])) / 6;
-		}
-		if (k == 0)
-			reduce_to(&f, 1000);
-	}
-	assert_true(fabs(volume[1] / volume[0] - 1) < 1e-3);
+	const double before = volume_of(&f.p);
+	reduce_to(&f, 1000);
+	assert_true(fabs(volume_of(&f.p) / before - 1) < 1e-3);
 	drop(&f);
 }
 
@@ -1128,6 +1176,8 @@ int main(void)
 	    cmocka_unit_test(gentle_relief_never_folds),
 	    cmocka_unit_test(few_faces_of_steep_noise_turn_over),
 	    cmocka_unit_test(positions_are_floats_when_asked),
+	    cmocka_unit_test(new_positions_are_whole_steps_from_old_ones),
+	    cmocka_unit_test(no_step_is_long_beside_its_edge),
 	    cmocka_unit_test(the_volume_under_the_surface_stays),
 	    cmocka_unit_test(the_distance_limit_holds),
 	    cmocka_unit_test(earlier_distance_is_not_forgotten),

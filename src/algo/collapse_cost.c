@@ -23,6 +23,9 @@ static const double BOUNDARY_WEIGHT = 4.0;
 static const double MIDPOINT_PULL = 1e-6;
 /* Prefers short edges where the faces do not tell (flat regions). */
 static const double LENGTH_TIE = 1e-6;
+/* Longest step of new positions / length of the collapsed edge, both as powers of two. */
+static const double STEP_MOST = 0x1p-8;
+
 /* ---- sums --------------------------------------------------------------------------------- */
 
 static void sum_outer(wh_vertex_sum *s, wh_vec3 n, double w)
@@ -216,17 +219,35 @@ static void evaluate_into_locked(const wh_engine *e, wh_collapse *k)
 	    fmax(wh_dot(edge, sum_times(s, edge)), 0.0) + LENGTH_TIE * k->weight * wh_norm2(edge);
 }
 
-static wh_vec3 round_position(const wh_engine *e, wh_vec3 x)
+/* No longer than this share of the edge, whatever the mesh as a whole is like. */
+static double step_beside(const wh_engine *e, wh_vec3 edge)
 {
-	if (e->params->float_positions)
+	const double len2 = wh_norm2(edge);
+	const double step = e->params->step, enough = step / STEP_MOST;
+	if (len2 >= enough * enough)
+		return step;
+	return len2 > 0 ? ldexp(STEP_MOST, ilogb(sqrt(len2))) : 0;
+}
+
+/* The place y away from `hub`, an end of the edge. Steps are counted from the hub: where positions
+ * have no bits below a step this place has none either, and its sum is exact; and a plane across
+ * an axis stays one. */
+static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, wh_vec3 edge)
+{
+	if (e->params->float_positions) {
+		const wh_vec3 x = wh_add(hub, y);
 		return wh_v3(wh_round_float(x.x), wh_round_float(x.y), wh_round_float(x.z));
-	return x;
+	}
+	const double step = e->params->step > 0 ? step_beside(e, edge) : 0;
+	return wh_add(
+	    hub, wh_v3(wh_round_to(y.x, step), wh_round_to(y.y, step), wh_round_to(y.z, step)));
 }
 
 void wh_lanes_get(const wh_engine *e, const wh_lanes *l, int lane, wh_collapse *k)
 {
 	const wh_vec3 y = wh_v3(l->to_x[lane], l->to_y[lane], l->to_z[lane]);
-	k->x = round_position(e, wh_add(e->p->pos[k->v], y));
+	const wh_vec3 edge = wh_v3(l->ex[lane], l->ey[lane], l->ez[lane]);
+	k->x = new_position(e, e->p->pos[k->v], y, edge);
 	k->cost = l->cost[lane];
 	k->weight = l->weight[lane];
 }

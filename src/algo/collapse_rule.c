@@ -115,11 +115,14 @@ typedef struct stretch {
 	double far2, limit2;
 } stretch;
 
-/* Raises the stretch to the distance of q from the faces around u and v, as they are now, or
- * (`after`) as they will be with both at x. A face that is near enough to change nothing ends the
- * search. */
-static void stretch_to(const wh_engine *e, const wh_collapse *k, wh_vec3 q, bool after, stretch *s)
+/* Raises the stretch to the distance of `at` + `by` from the faces around u and v, as they are
+ * now, or (`after`) as they will be with both at x. A face that is near enough to change nothing
+ * ends the search. All is seen from `at`, a vertex: far from zero a middle between two vertices
+ * may not be a double. */
+static void stretch_to(const wh_engine *e, const wh_collapse *k, wh_vec3 at, wh_vec3 by, bool after,
+                       stretch *s)
 {
+	const wh_vec3 *pos = e->p->pos;
 	const wh_simplify_work *w = e->w;
 	const uint32_t ends[2] = {k->u, k->v};
 	double least = INFINITY;
@@ -132,8 +135,9 @@ static void stretch_to(const wh_engine *e, const wh_collapse *k, wh_vec3 q, bool
 				continue;
 			uint32_t a, b;
 			face_others(e->p, f, ends[j], &a, &b);
-			const wh_vec3 tip = after ? k->x : e->p->pos[ends[j]];
-			least = fmin(least, wh_tri_dist2(q, tip, e->p->pos[a], e->p->pos[b]));
+			const wh_vec3 tip = after ? k->x : pos[ends[j]];
+			least = fmin(least, wh_tri_dist2(by, wh_sub(tip, at), wh_sub(pos[a], at),
+			                                 wh_sub(pos[b], at)));
 			if (least <= s->far2)
 				return;
 		}
@@ -149,8 +153,8 @@ static void stretch_to_spokes(const wh_engine *e, const wh_collapse *k, uint32_t
 		if (id == k->u || id == k->v)
 			continue;
 		const wh_vec3 q = e->p->pos[id];
-		stretch_to(e, k, wh_scale(wh_add(q, k->x), 0.5), false, s);
-		stretch_to(e, k, wh_scale(wh_add(q, e->p->pos[end]), 0.5), true, s);
+		stretch_to(e, k, q, wh_scale(wh_sub(k->x, q), 0.5), false, s);
+		stretch_to(e, k, q, wh_scale(wh_sub(e->p->pos[end], q), 0.5), true, s);
 	}
 }
 
@@ -163,11 +167,12 @@ double wh_accumulated(const wh_engine *e, const wh_collapse *k)
 {
 	const double base = fmax((double)e->p->err[k->u], (double)e->p->err[k->v]);
 	const double left = e->params->max_err - base;
+	const wh_vec3 here = wh_v3(0, 0, 0);
 	stretch s = {.far2 = 0, .limit2 = left > 0 ? left * left : 0};
-	stretch_to(e, k, e->p->pos[k->u], true, &s);
+	stretch_to(e, k, e->p->pos[k->u], here, true, &s);
 	if (!(e->p->flag[k->v] & WH_LOCKED)) {
-		stretch_to(e, k, e->p->pos[k->v], true, &s);
-		stretch_to(e, k, k->x, false, &s);
+		stretch_to(e, k, e->p->pos[k->v], here, true, &s);
+		stretch_to(e, k, k->x, here, false, &s);
 	}
 	stretch_to_spokes(e, k, k->u, &e->w->ring_u, &s);
 	if (!(e->p->flag[k->v] & WH_LOCKED))

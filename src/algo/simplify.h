@@ -19,8 +19,10 @@ typedef struct wh_simplify_params {
 	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
 	bool float_positions; /* new positions are rounded to float */
-	bool insist;          /* out of candidates, look at all edges again while that helps */
-	uint64_t *histogram;  /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
+	double step; /* a power of two: new positions are whole steps away from an old one, so that
+	                moving the mesh does not round them anew; 0: as they come */
+	bool insist; /* out of candidates, look at all edges again while that helps */
+	uint64_t *histogram; /* WH_HIST_BINS counts of collapses by highest cost so far; or NULL */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

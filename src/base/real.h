@@ -12,4 +12,12 @@ static inline double wh_round_float(double x)
 	return (double)f;
 }
 
+/* The nearest multiple of `step`, a power of two, for |x| up to 2^51 steps; x where step is 0.
+ * Beside 1.5 * 2^52 steps there is no room for less than one. */
+static inline double wh_round_to(double x, double step)
+{
+	const double anchor = 0x1.8p52 * step;
+	return (x + anchor) - anchor;
+}
+
 #endif

@@ -16,9 +16,10 @@ static int compare_double(const void *a, const void *b)
 	return (x > y) - (x < y);
 }
 
-/* Width of the middle nine tenths of the points along an axis, from evenly spaced probes. */
-static double spread(const wh_vec3 *point, size_t n, uint32_t axis)
+double wh_spread(const wh_vec3 *point, size_t n, uint32_t axis)
 {
+	if (n == 0)
+		return 0;
 	double value[PROBES];
 	const size_t m = n < PROBES ? n : PROBES;
 	for (size_t i = 0; i < m; i++)
@@ -32,7 +33,7 @@ static uint32_t widest_axis(const wh_vec3 *point, size_t n)
 	uint32_t best = 0;
 	double most = -1;
 	for (uint32_t axis = 0; axis < 3; axis++) {
-		const double s = spread(point, n, axis);
+		const double s = wh_spread(point, n, axis);
 		if (s > most) {
 			most = s;
 			best = axis;

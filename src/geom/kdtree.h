@@ -37,6 +37,10 @@ static inline double wh_axis(const wh_vec3 *p, uint32_t axis)
 	return axis == 0 ? p->x : axis == 1 ? p->y : p->z;
 }
 
+/* Width of the middle nine tenths of the points along an axis, from some of them, evenly spaced.
+ * 0 for no points. */
+double wh_spread(const wh_vec3 *point, size_t n, uint32_t axis);
+
 /* The cell that p lies in. */
 static inline uint32_t wh_kdtree_cell(const wh_kdtree *t, const wh_vec3 *p)
 {

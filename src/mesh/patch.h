@@ -1,7 +1,7 @@
 /*
  * patch: a piece of a larger mesh in memory, with what must survive being cut out of it.
  *
- * Positions are relative to the run's origin. A vertex that other pieces use too is a cut
+ * Positions are in the run's units. A vertex that other pieces use too is a cut
  * vertex: it may not move or vanish, and the faces seen around it may be only some of its faces.
  */
 #ifndef WH_MESH_PATCH_H

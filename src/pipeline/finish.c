@@ -225,7 +225,7 @@ wh_code wh_finish_order(wh_ctx *c, wh_patch *p)
 enum { WRITE_CHUNK = 16 * 1024 };
 
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
-                        const wh_patch *p, wh_vec3 origin)
+                        const wh_patch *p, double scale)
 {
 	double *xyz = wh_alloc(c, WRITE_CHUNK, 3 * sizeof *xyz);
 	if (!xyz)
@@ -235,7 +235,7 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 	for (uint32_t v = 0; code == WH_OK && v < p->nv; v += WRITE_CHUNK) {
 		const uint32_t n = p->nv - v < WRITE_CHUNK ? p->nv - v : WRITE_CHUNK;
 		for (uint32_t i = 0; i < n; i++) {
-			const wh_vec3 q = wh_add(p->pos[v + i], origin);
+			const wh_vec3 q = wh_scale(p->pos[v + i], 1 / scale);
 			xyz[3 * (size_t)i] = q.x;
 			xyz[3 * (size_t)i + 1] = q.y;
 			xyz[3 * (size_t)i + 2] = q.z;

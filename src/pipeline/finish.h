@@ -20,8 +20,8 @@ wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress
 /* Orders vertices along a space-filling curve and faces by their first vertex. */
 wh_code wh_finish_order(wh_ctx *c, wh_patch *p);
 
-/* Writes p, moved by `origin`, to an open output. */
+/* Writes p, whose positions were multiplied by `scale`, a power of two, to an open output. */
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
-                        const wh_patch *p, wh_vec3 origin);
+                        const wh_patch *p, double scale);
 
 #endif

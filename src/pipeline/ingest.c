@@ -9,6 +9,7 @@
 
 #include "geom/kdtree.h"
 
+#include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,6 +17,13 @@ enum {
 	CHUNK = 32 * 1024,   /* vertices or faces a job */
 	SAMPLE = 256 * 1024, /* vertices the tree is built from, up to twice as many ... */
 	SAMPLE_EACH = 64     /* ... and no fewer than this for a cluster */
+};
+
+/* Exponents of two. */
+enum {
+	SIZE_MOST = 32,    /* meshes up to this size, and down to its inverse, are not scaled */
+	SHIFT_MOST = 1000, /* no scale overflows, nor does its inverse */
+	STEP_BITS = 26     /* steps of new positions in the size of a double mesh */
 };
 
 /* A use of a vertex outside its home. */
@@ -125,11 +133,40 @@ static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-/* Floats are exact as doubles whatever their place; doubles far from zero are brought near it, so
- * that what is computed does not depend on the offset. */
-static wh_vec3 choose_origin(const wh_source *src, const wh_ingest_result *r)
+/* Size of the mesh as an exponent of two, from differences of positions, which are the same
+ * wherever it lies. Outliers do not count as long as there is anything else. */
+static int exponent_of_size(const ingest *g)
 {
-	return src->is_double ? r->lo : wh_v3(0, 0, 0);
+	const wh_vec3 box[2] = {wh_scale(g->result->lo, 0.5), wh_scale(g->result->hi, 0.5)};
+	double most = 0, side = 0;
+	for (uint32_t axis = 0; axis < 3; axis++) {
+		most = fmax(most, wh_spread(g->sample, g->samples, axis));
+		side = fmax(side, wh_axis(&box[1], axis) - wh_axis(&box[0], axis));
+	}
+	if (isinf(most))
+		return DBL_MAX_EXP - 1;
+	if (most > 0)
+		return ilogb(most);
+	return side > 0 ? ilogb(side) + 1 : 0;
+}
+
+/*
+ * Positions stay where they are, however far from zero: the stages compute with differences of
+ * them alone, and a vertex that never moves keeps every bit. Only units out of the ordinary are
+ * changed, by a power of two, which changes no digit: on the way to a new position stand twelfth
+ * powers of lengths.
+ *
+ * The step of new positions in a double mesh is a quarter of what a float's would be at the rim of
+ * a mesh around zero. Whole steps are still doubles as far off as 2^26 times the size: up to there
+ * a mesh whose positions are whole steps gives the same result wherever it lies.
+ */
+static void choose_units(const ingest *g)
+{
+	const int size = exponent_of_size(g);
+	const int scaled = size > SIZE_MOST ? SIZE_MOST : size < -SIZE_MOST ? -SIZE_MOST : size;
+	const int shift = scaled - size < SHIFT_MOST ? scaled - size : SHIFT_MOST;
+	g->result->scale = ldexp(1, shift);
+	g->result->step = g->src->is_double ? ldexp(1, size + shift - STEP_BITS) : 0;
 }
 
 /* ---- pass 2: the cell of each vertex ------------------------------------------------------ */
@@ -340,7 +377,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	size_t v = visits_from(&g->away, first);
 	for (size_t i = 0; i < n; i++) {
 		const uint64_t gid = first + i;
-		const wh_vec3 p = wh_sub(vertex_at(b, i), g->result->origin);
+		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
 		const bool cut = v < g->away.n && g->away.item[v].gid == gid;
 		if (send_vertex(c, g, &b->out, g->home[gid], gid, cut, p) != WH_OK)
 			return c->err.code;
@@ -436,7 +473,7 @@ static wh_code partition(wh_ctx *c, const wh_exec *ex, ingest *g)
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
 	if (wh_exec_ordered(c, ex, n, bounds_job, bounds_commit, g) != WH_OK)
 		return c->err.code;
-	g->result->origin = choose_origin(g->src, g->result);
+	choose_units(g);
 	if (wh_kdtree_build(c, &g->tree, g->sample, g->samples, g->clusters, 0.5) != WH_OK)
 		return c->err.code;
 	wh_free(c, g->sample);

@@ -23,7 +23,8 @@ enum { WH_MAX_CLUSTERS = 65535 };
 
 typedef struct wh_ingest_result {
 	wh_vec3 lo, hi;      /* bounds of all vertices, file coordinates */
-	wh_vec3 origin;      /* what was subtracted from every position */
+	double scale;        /* a power of two that all positions were multiplied by */
+	double step;         /* of new positions (algo/simplify.h), in scaled units; 0: floats */
 	uint64_t faces;      /* stored */
 	uint64_t degenerate; /* dropped: a vertex repeated */
 	uint64_t cut_vertices;
