@@ -136,6 +136,15 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out)
 	return true;
 }
 
+const char *cmd_real_text(double x, bool is_double, char text[CMD_REAL_TEXT])
+{
+	int digits = 9;
+	do
+		(void)snprintf(text, CMD_REAL_TEXT, "%.*g", digits, x);
+	while (is_double && digits++ < 17 && strtod(text, NULL) != x);
+	return text;
+}
+
 bool cmd_parse_real(const char *text, double *out)
 {
 	char *end;

@@ -39,6 +39,11 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);
 
+/* A coordinate for people: nine digits, which tell any float from its neighbours, or as many more
+ * as a double takes. Returns text. */
+enum { CMD_REAL_TEXT = 32 };
+const char *cmd_real_text(double x, bool is_double, char text[CMD_REAL_TEXT]);
+
 /* Most memory this process ever had resident, in bytes. */
 size_t cmd_peak_rss(void);
 

@@ -66,7 +66,7 @@ static int parse(int argc, char **argv, options *o, bool *done)
 }
 
 /* Loads the file and checks it; what the loader dropped is counted as degenerate. */
-static wh_code check_file(cmd_env *e, const char *path, wh_check *r)
+static wh_code check_file(cmd_env *e, const char *path, wh_check *r, bool *is_double)
 {
 	wh_mesh m = {0};
 	wh_spill spill;
@@ -74,7 +74,7 @@ static wh_code check_file(cmd_env *e, const char *path, wh_check *r)
 	wh_code code = wh_spill_open(&e->ctx, &spill, NULL, "/tmp");
 	if (code != WH_OK)
 		return code;
-	code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, &m, NULL, &degenerate);
+	code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, &m, is_double, &degenerate);
 	wh_spill_close(&e->ctx, &spill);
 	if (code == WH_OK)
 		code = wh_check_mesh(&e->ctx, &m, r);
@@ -123,7 +123,14 @@ static uint64_t value_of(const wh_check *r, const row *w)
 	return v;
 }
 
-static void print_table(const wh_check *r)
+static void print_corner(const char *what, wh_vec3 p, bool is_double)
+{
+	char x[CMD_REAL_TEXT], y[CMD_REAL_TEXT], z[CMD_REAL_TEXT];
+	(void)printf("%-28s %s %s %s\n", what, cmd_real_text(p.x, is_double, x),
+	             cmd_real_text(p.y, is_double, y), cmd_real_text(p.z, is_double, z));
+}
+
+static void print_table(const wh_check *r, bool is_double)
 {
 	for (int i = 0; i < NROWS; i++)
 		(void)printf("%-28s %12" PRIu64 "\n", rows[i].text, value_of(r, rows + i));
@@ -133,8 +140,8 @@ static void print_table(const wh_check *r)
 	else
 		(void)printf("%-28s %12s\n", "genus", "undefined");
 	(void)printf("%-28s %12.9g\n", "area", r->area);
-	(void)printf("%-28s %.9g %.9g %.9g\n", "box from", r->lo.x, r->lo.y, r->lo.z);
-	(void)printf("%-28s %.9g %.9g %.9g\n", "box to", r->hi.x, r->hi.y, r->hi.z);
+	print_corner("box from", r->lo, is_double);
+	print_corner("box to", r->hi, is_double);
 	(void)printf("%-28s %12s\n", "clean", wh_check_clean(r) ? "yes" : "no");
 }
 
@@ -173,12 +180,13 @@ int cmd_check(int argc, char **argv)
 		return usage;
 	cmd_env e;
 	wh_check r = {0};
+	bool is_double = false;
 	cmd_env_init(&e, argv[0]);
 	e.exec.workers = wh_exec_threads((int)o.threads);
-	if (check_file(&e, o.path, &r) != WH_OK)
+	if (check_file(&e, o.path, &r, &is_double) != WH_OK)
 		return cmd_report_failure(&e);
 	if (!o.json)
-		print_table(&r);
+		print_table(&r, is_double);
 	else if (print_json(&e.ctx, o.path, &r) != WH_OK)
 		return cmd_report_failure(&e);
 	return o.strict && !wh_check_clean(&r) ? WH_E_INPUT : WH_OK;

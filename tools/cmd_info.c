@@ -315,8 +315,13 @@ static void print_text(const wh_ply *p, const box *b)
 	             format_name(p->format), p->size, p->body);
 	for (size_t i = 0; i < p->nelems; i++)
 		print_element(&p->elems[i]);
-	for (int i = 0; b->n && i < 3; i++)
-		(void)printf("%c: %.10g to %.10g\n", "xyz"[i], b -> min[i], b -> max[i]);
+	for (int i = 0; b->n && i < 3; i++) {
+		const int prop = (const int[]){p->x, p->y, p->z}[i];
+		const bool is_double = p->elems[p->vertex].props[prop].type != WH_F32;
+		char from[CMD_REAL_TEXT], to[CMD_REAL_TEXT];
+		(void)printf("%c: %s to %s\n", "xyz"[i], cmd_real_text(b->min[i], is_double, from),
+		             cmd_real_text(b->max[i], is_double, to));
+	}
 	if (b->n)
 		(void)printf("diagonal: %.10g\n", box_diagonal(b));
 }
