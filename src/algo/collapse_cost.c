@@ -220,24 +220,25 @@ static void evaluate_into_locked(const wh_engine *e, wh_collapse *k)
 }
 
 /* No longer than this share of the edge, whatever the mesh as a whole is like. */
-static double step_beside(const wh_engine *e, double len2)
+static double step_beside(const wh_engine *e, wh_vec3 edge)
 {
+	const double len2 = wh_norm2(edge);
 	const double step = e->params->step, enough = step / STEP_MOST;
 	if (len2 >= enough * enough)
 		return step;
 	return len2 > 0 ? ldexp(STEP_MOST, ilogb(sqrt(len2))) : 0;
 }
 
-/* The place y away from `hub`, at the end of an edge of squared length len2. Steps are counted
- * from the hub: where positions have no bits below a step this place has none either, and its sum
- * is exact. Plane faces stay plane. */
-static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, double len2)
+/* The place y away from `hub`, an end of the edge. Steps are counted from the hub: where positions
+ * have no bits below a step this place has none either, and its sum is exact; and a plane across
+ * an axis stays one. */
+static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, wh_vec3 edge)
 {
 	if (e->params->float_positions) {
 		const wh_vec3 x = wh_add(hub, y);
 		return wh_v3(wh_round_float(x.x), wh_round_float(x.y), wh_round_float(x.z));
 	}
-	const double step = e->params->step > 0 ? step_beside(e, len2) : 0;
+	const double step = e->params->step > 0 ? step_beside(e, edge) : 0;
 	return wh_add(
 	    hub, wh_v3(wh_round_to(y.x, step), wh_round_to(y.y, step), wh_round_to(y.z, step)));
 }
@@ -246,7 +247,7 @@ void wh_lanes_get(const wh_engine *e, const wh_lanes *l, int lane, wh_collapse *
 {
 	const wh_vec3 y = wh_v3(l->to_x[lane], l->to_y[lane], l->to_z[lane]);
 	const wh_vec3 edge = wh_v3(l->ex[lane], l->ey[lane], l->ez[lane]);
-	k->x = new_position(e, e->p->pos[k->v], y, wh_norm2(edge));
+	k->x = new_position(e, e->p->pos[k->v], y, edge);
 	k->cost = l->cost[lane];
 	k->weight = l->weight[lane];
 }
