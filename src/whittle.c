@@ -326,6 +326,7 @@ static wh_code ingest(run *r)
 	t->degenerate_faces += r->ingest.degenerate;
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
+	t->windows = r->ingest.windows;
 	t->diagonal = wh_norm(wh_sub(r->ingest.hi, r->ingest.lo));
 	if (r->faces == 0)
 		return wh_fail(r->c, WH_E_INPUT,

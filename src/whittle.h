@@ -85,6 +85,7 @@ typedef struct wh_reduce_report {
 	double accumulated_error;  /* estimated distance of the worst vertex; 0 without a limit */
 
 	uint64_t clusters, cut_vertices; /* of the first partition */
+	uint64_t windows; /* in which it went through the vertices; 1: memory held a table of all */
 	uint64_t rounds;
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
