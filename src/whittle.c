@@ -324,6 +324,7 @@ static wh_code ingest(run *r)
 	t->degenerate_faces += r->ingest.degenerate;
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
+	t->windows = r->ingest.windows;
 	const double scale = r->ingest.scale;
 	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
 	t->diagonal /= scale;

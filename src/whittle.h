@@ -87,6 +87,7 @@ typedef struct wh_reduce_report {
 	double accumulated_error;  /* estimated distance of the worst vertex; 0 without a limit */
 
 	uint64_t clusters, cut_vertices; /* of the first partition */
+	uint64_t windows; /* in which it went through the vertices; 1: memory held a table of all */
 	uint64_t rounds;
 	bool streamed;                /* the last round was cluster by cluster, as was the output */
 	uint64_t never_free_vertices; /* of the output: on a cut in every round */

@@ -116,6 +116,7 @@ static void put_outcome(json_t *root, const wh_reduce_report *r)
 static void put_costs(json_t *root, const wh_reduce_report *r)
 {
 	put_count(root, "clusters", r->clusters);
+	put_count(root, "windows", r->windows);
 	put_count(root, "rounds", r->rounds);
 	put_count(root, "cut_vertices", r->cut_vertices);
 	put_count(root, "threads", (uint64_t)r->threads);

@@ -25,6 +25,7 @@
 #include "algo/simplify_engine.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 wh_simplify_work *wh_simplify_work_new(wh_ctx *c)
@@ -420,7 +421,36 @@ static wh_code push_all(wh_engine *e)
 	return WH_OK;
 }
 
-/* Cost that no collapse inside the patch's bounding box can exceed by much: diagonal^6. */
+/* Costs of a patch this many times as wide as most of it are told apart. */
+static const double FAR_OUT = 1024;
+
+static int compare_coordinates(const void *a, const void *b)
+{
+	const double x = *(const double *)a, y = *(const double *)b;
+	return (x > y) - (x < y);
+}
+
+/* Width of the middle nine tenths of some vertices, evenly spaced, along their widest axis: a few
+ * far out do not count. */
+static double width(const wh_patch *p)
+{
+	enum { PROBES = 257 };
+	double most = 0, value[PROBES];
+	const uint32_t n = p->nv < PROBES ? p->nv : PROBES;
+	for (int axis = 0; axis < 3; axis++) {
+		for (uint32_t i = 0; i < n; i++) {
+			const wh_vec3 q = p->pos[(size_t)i * (p->nv / n)];
+			value[i] = axis == 0 ? q.x : axis == 1 ? q.y : q.z;
+		}
+		qsort(value, n, sizeof *value, compare_coordinates);
+		if (n)
+			most = fmax(most, value[n - 1 - n / 20] - value[n / 20]);
+	}
+	return most;
+}
+
+/* The top of the queue's window: diagonal^6, which no collapse inside the patch's bounding box
+ * exceeds by much; but what lies far outside the rest must not push the rest below the window. */
 static double cost_scale(const wh_patch *p)
 {
 	if (p->nv == 0)
@@ -431,7 +461,8 @@ static double cost_scale(const wh_patch *p)
 		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
 		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
 	}
-	const double d2 = wh_norm2(wh_sub(hi, lo));
+	const double box2 = wh_norm2(wh_sub(hi, lo)), mid = width(p);
+	const double d2 = mid > 0 ? fmin(box2, mid * mid * FAR_OUT * FAR_OUT) : box2;
 	return d2 > 0 ? d2 * d2 * d2 : 1;
 }
 
