@@ -1,113 +1,15 @@
 /*
- * wh_reduce from file to file: small clusters, so that several rounds and recuts run on meshes
- * of some ten thousand faces. Counts, topology, bytes, limits, quality, and what is left behind.
+ * wh_reduce from file to file: counts, topology, bytes, limits, quality. How it ends when
+ * something goes wrong is in test_stop.c.
  */
 #define _XOPEN_SOURCE 700
-#include "testing.h"
+#include "reduce_files.h"
 
 #include "algo/compare.h"
-#include "algo/synth.h"
-#include "io/outfile.h"
 #include "mesh/check.h"
 #include "pipeline/normalise.h"
-#include "whittle.h"
 
-#include <dirent.h>
-#include <ftw.h>
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-/* ---- a folder with an input, a place for the output and one for temporary files ---- */
-
-typedef struct fixture {
-	testing_env t;
-	char root[40], in[64], temp[64], out_dir[64], out[80];
-	wh_reduce_params params;
-	wh_reduce_report report;
-} fixture;
-
-static void open_fixture(fixture *f)
-{
-	*f = (fixture){.root = "/tmp/whittle-reduce-XXXXXX"};
-	testing_init(&f->t);
-	assert_non_null(mkdtemp(f->root));
-	(void)snprintf(f->in, sizeof f->in, "%s/in.ply", f->root);
-	(void)snprintf(f->temp, sizeof f->temp, "%s/temp", f->root);
-	(void)snprintf(f->out_dir, sizeof f->out_dir, "%s/out", f->root);
-	(void)snprintf(f->out, sizeof f->out, "%s/out.ply", f->out_dir);
-	assert_int_equal(mkdir(f->temp, 0700), 0);
-	assert_int_equal(mkdir(f->out_dir, 0700), 0);
-	f->params = wh_reduce_defaults();
-	f->params.input = f->in;
-	f->params.output = f->out;
-	f->params.temp_dir = f->temp;
-	f->params.force = true;
-	f->params.threads = 2;
-	f->params.memory = (size_t)256 << 20;
-	f->params.cluster_faces = 4000;
-	f->params.micro_faces = 1000;
-	f->params.final_faces = 4000;
-}
-
-static int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)
-{
-	(void)st, (void)kind, (void)at;
-	return remove(path);
-}
-
-static void drop(fixture *f)
-{
-	assert_int_equal(nftw(f->root, remove_one, 8, FTW_DEPTH | FTW_PHYS), 0);
-	testing_done(&f->t);
-}
-
-static int entries(const char *folder)
-{
-	int n = 0;
-	DIR *d = opendir(folder);
-	assert_non_null(d);
-	for (const struct dirent *e = readdir(d); e; e = readdir(d))
-		n += strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0;
-	(void)closedir(d);
-	return n;
-}
-
-static wh_synth_params surface(wh_synth_kind kind, uint64_t faces)
-{
-	wh_synth_params p = wh_synth_defaults();
-	p.kind = kind;
-	p.faces = faces;
-	p.seed = 3;
-	return p;
-}
-
-static void write_input(fixture *f, const wh_synth_params *p)
-{
-	const wh_exec ex = {.workers = 1};
-	wh_ctx *c = &f->t.ctx;
-	wh_synth *s;
-	wh_outfile *o;
-	assert_int_equal(wh_synth_open(c, &s, p), WH_OK);
-	assert_int_equal(wh_outfile_open(c, &o, f->in, true), WH_OK);
-	assert_int_equal(wh_synth_write(c, &ex, s, o), WH_OK);
-	assert_int_equal(wh_outfile_commit(c, &o), WH_OK);
-	wh_synth_close(c, &s);
-}
-
-static void make(fixture *f, const wh_synth_params *p)
-{
-	open_fixture(f);
-	write_input(f, p);
-}
-
-static wh_code reduce(fixture *f)
-{
-	return wh_reduce(&f->t.ctx, &f->params, &f->report);
-}
 
 static void reduces(fixture *f)
 {
@@ -522,84 +424,6 @@ static void a_locked_boundary_stays_to_the_bit(void **state)
 
 /* ---- failures ---- */
 
-static void nothing_is_left(const fixture *f)
-{
-	assert_int_equal(entries(f->temp), 0);
-	assert_int_equal(entries(f->out_dir), 0);
-}
-
-static void failed_allocations_leave_nothing(void **state)
-{
-	(void)state;
-	fixture f;
-	const wh_synth_params p = surface(WH_SYNTH_TERRAIN, 12000);
-	make(&f, &p);
-	f.params.cluster_faces = 2000;
-	f.params.micro_faces = 500;
-	f.params.final_faces = 1500;
-	f.params.faces = 300;
-	int failures = 0;
-	for (long after = 1;; after += 1 + after / 8) {
-		const size_t held = f.t.mem.used;
-		f.t.mem.fail_after = after;
-		const wh_code code = reduce(&f);
-		assert_int_equal((size_t)f.t.mem.used, held);
-		if (code == WH_OK)
-			break;
-		assert_true(f.t.ctx.err.text[0] != '\0');
-		nothing_is_left(&f);
-		f.t.ctx.err = (wh_error){0};
-		failures++;
-	}
-	f.t.mem.fail_after = 0;
-	assert_true(failures > 30);
-	drop(&f);
-}
-
-/* Asks to stop when the n-th phase begins. */
-typedef struct stopper {
-	int flag, countdown;
-	char phase[32];
-} stopper;
-
-static void stop_at_phase(void *user, const char *phase, uint64_t done, uint64_t total)
-{
-	(void)total;
-	stopper *s = user;
-	if (done == 0 && s->countdown-- == 0) {
-		s->flag = 1;
-		(void)snprintf(s->phase, sizeof s->phase, "%s", phase);
-	}
-}
-
-static void an_interruption_leaves_nothing(void **state)
-{
-	(void)state;
-	fixture f;
-	const wh_synth_params p = surface(WH_SYNTH_TERRAIN, 20000);
-	make(&f, &p);
-	f.params.faces = 1000;
-	f.params.threads = 1;
-	int stops = 0;
-	stopper s;
-	f.params.progress = stop_at_phase;
-	f.params.progress_user = &s;
-	f.t.ctx.cancel = &s.flag;
-	for (;; stops++) {
-		s = (stopper){.countdown = stops};
-		const wh_code code = reduce(&f);
-		if (!s.flag || code == WH_OK)
-			break; /* all phases passed, or there was nothing left to stop */
-		assert_int_equal(code, WH_E_INTERRUPT);
-		nothing_is_left(&f);
-		f.t.ctx.err = (wh_error){0};
-	}
-	assert_true(stops >= 8);
-	assert_true(!s.flag || strcmp(s.phase, "check") == 0 || strcmp(s.phase, "write") == 0);
-	f.t.ctx.cancel = NULL;
-	drop(&f);
-}
-
 static void a_small_ceiling_is_refused_with_one_that_does(void **state)
 {
 	(void)state;
@@ -736,8 +560,6 @@ int main(void)
 	    cmocka_unit_test(text_holds_the_same_mesh),
 	    cmocka_unit_test(the_surface_stays_near_the_error_limit),
 	    cmocka_unit_test(a_locked_boundary_stays_to_the_bit),
-	    cmocka_unit_test(failed_allocations_leave_nothing),
-	    cmocka_unit_test(an_interruption_leaves_nothing),
 	    cmocka_unit_test(a_small_ceiling_is_refused_with_one_that_does),
 	    cmocka_unit_test(without_a_target_nothing_is_done),
 	    cmocka_unit_test(clusters_cost_no_quality_on_a_scan),

@@ -318,7 +318,10 @@ static wh_code publish(wh_ctx *c, wh_outfile *o)
 	wh_free(c, o->temp);
 	o->temp = NULL;
 	if (fsync(o->dirfd) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS)
-		return wh_fail_errno(c, "cannot flush the folder of '%s'", o->shown);
+		return wh_fail_errno(c,
+		                     "'%s' was written whole, but its folder cannot be flushed "
+		                     "and may forget it when the power fails",
+		                     o->shown);
 	return WH_OK;
 }
 

@@ -27,7 +27,8 @@ wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n);
 void *wh_outfile_room(wh_ctx *c, wh_outfile *o, size_t n);
 void wh_outfile_advance(wh_outfile *o, size_t used);
 
-/* Flushes, checks, renames, frees. On failure nothing appears under the name. *o becomes NULL. */
+/* Flushes, checks, renames, frees. On failure nothing appears under the name, with one exception:
+ * a folder that cannot be flushed, after the renaming, is a failure too. *o becomes NULL. */
 wh_code wh_outfile_commit(wh_ctx *c, wh_outfile **o);
 
 /* Gives up: removes the temporary file, frees. NULL allowed; errors are ignored. */
