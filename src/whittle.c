@@ -32,9 +32,6 @@ static const double SETTLE_NO_PROGRESS = 0.99;
 static const double TRIAL_MARGIN = 0.92;
 /* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
 static const double TRIAL_RAISE = 64;
-/* Share of the cells left of a cut when cutting anew, in turn; the first partition has 0.5. */
-static const double RECUT_SKEW[] = {0.4, 0.56, 0.45, 0.62, 0.36};
-
 enum {
 	MOST_SIZE = 100 * 1000 * 1000,
 	MOST_LOWERINGS = 12,        /* of a round's cost limit, by a factor of 8 each */
@@ -411,8 +408,7 @@ static wh_code decimate(run *r, const wh_exec *ex, wh_cluster_params *p, double 
 /* Cuts anew; `free_all`: so that no vertex is on a cut that always was. */
 static wh_code recut(run *r, bool free_all)
 {
-	const size_t skews = sizeof RECUT_SKEW / sizeof *RECUT_SKEW;
-	wh_recut_params p = {.skew = RECUT_SKEW[r->recuts++ % skews], .free_all = free_all};
+	wh_recut_params p = {.skew = wh_plan_skew(++r->recuts), .free_all = free_all};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
 	wh_exec ex = r->exec;

@@ -93,20 +93,34 @@ static void select_rank(wh_kdpoint *point, size_t n, size_t rank, uint32_t axis)
 }
 
 /* Cells that go left of the middle. */
-static uint32_t left_cells(const builder *b, uint32_t cells)
+static uint32_t left_cells(double skew, uint32_t cells)
 {
-	const uint32_t left = (uint32_t)(b->skew * (double)cells + 0.5);
+	const uint32_t left = (uint32_t)(skew * (double)cells + 0.5);
 	return left < 1 ? 1 : left >= cells ? cells - 1 : left;
 }
 
-/* Points that should lie left of the middle. With two or three cells the share of cells alone
- * would repeat the same cut. */
-static size_t left_points(const builder *b, size_t n, uint32_t cells, uint32_t left)
+/* Share of the points that should lie left of the middle. With two or three cells and another skew
+ * the share of cells alone would repeat the cut of an even tree. */
+static double left_share(double skew, uint32_t cells, uint32_t left)
 {
 	const double part = (double)left / (double)cells;
-	const double share = cells <= 3 ? (part + b->skew) / 2 : part;
-	const size_t rank = (size_t)(share * (double)n);
+	return cells <= 3 && skew != 0.5 ? (part + skew) / 2 : part;
+}
+
+static size_t left_points(const builder *b, size_t n, uint32_t cells, uint32_t left)
+{
+	const size_t rank = (size_t)(left_share(b->skew, cells, left) * (double)n);
 	return rank < n ? rank : n - 1;
+}
+
+double wh_kdtree_largest(uint32_t cells, double skew)
+{
+	if (cells <= 1)
+		return 1;
+	const uint32_t left = left_cells(skew, cells);
+	const double share = left_share(skew, cells, left);
+	return fmax(share * wh_kdtree_largest(left, skew),
+	            (1 - share) * wh_kdtree_largest(cells - left, skew));
 }
 
 /* Moves the points whose coordinate is less than `cut` to the front; returns their number. */
@@ -161,7 +175,7 @@ static size_t count_below(const wh_kdpoint *point, size_t n, uint32_t axis, doub
 static size_t choose_cut(const builder *b, wh_kdpoint *point, size_t n, uint32_t cells,
                          wh_kdnode *node, uint32_t *left)
 {
-	*left = left_cells(b, cells);
+	*left = left_cells(b->skew, cells);
 	node->axis = n ? widest_axis(point, n) : 0;
 	if (n == 0)
 		return 0;

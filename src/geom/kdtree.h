@@ -44,6 +44,9 @@ wh_code wh_kdtree_build_clear(wh_ctx *c, wh_kdtree *t, wh_kdpoint *point, size_t
                               double skew, wh_vec3 *clear, size_t n_clear);
 void wh_kdtree_free(wh_ctx *c, wh_kdtree *t);
 
+/* Share of the points that the largest of so many cells gets, where nothing stands in the way. */
+double wh_kdtree_largest(uint32_t cells, double skew);
+
 /* Bytes of a tree of so many cells. */
 static inline size_t wh_kdtree_bytes(uint32_t cells)
 {

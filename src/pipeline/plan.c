@@ -1,5 +1,6 @@
 #include "pipeline/plan.h"
 
+#include "geom/kdtree.h"
 #include "pipeline/cluster.h"
 #include "pipeline/emit.h"
 #include "pipeline/finish.h"
@@ -25,6 +26,12 @@ static const double BORDER_LEFT = 4.4;
 static const double KEEP_OF_PIECE_MOST = 0.5;
 /* So little always fits one pass: some 12 MiB. */
 static const uint64_t FINAL_LEAST = 64 * 1024;
+
+double wh_plan_skew(uint32_t cut)
+{
+	static const double skew[] = {0.4, 0.56, 0.45, 0.62, 0.36};
+	return cut == 0 ? 0.5 : skew[(cut - 1) % (sizeof skew / sizeof *skew)];
+}
 
 uint32_t wh_plan_clusters(const wh_plan_sizes *s, uint64_t faces)
 {
@@ -91,10 +98,11 @@ bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces)
 
 /* Measured on scans and generated surfaces. */
 static const double TOUCHED_BASE = 4.5 * 1048576; /* program and libraries */
-static const double TOUCHED_ENGINE = 113;         /* of the engine's arrays, a face */
-static const double TOUCHED_CUT = 20;             /* of those that cut into micro-clusters */
-static const double LARGEST = 1.06;               /* largest cluster over the mean */
-static const double MICRO_LEFT = 0.03;            /* that the borders of micro-clusters add */
+/* Of the engine's arrays, a face: the more is collapsed, the more of them. */
+static const double TOUCHED_ROUND = 71, TOUCHED_SETTLE = 85, TOUCHED_FINAL = 118;
+static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters */
+static const double UNEVEN = 1.02;     /* clusters larger than their share */
+static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
 static const double SAVE_BUFFER = 1048576;
 /* Vertices that a cluster has besides its own, per square root of its faces. */
 static const double VISITORS = 6;
@@ -105,6 +113,7 @@ typedef struct forecast {
 	double id, vertex; /* bytes of an id, of a vertex record without payload */
 	double faces;      /* now */
 	double store;      /* bytes of the cluster files now */
+	uint32_t cuts;     /* partitions after the first */
 } forecast;
 
 static double mean_cluster(const forecast *f)
@@ -114,8 +123,9 @@ static double mean_cluster(const forecast *f)
 
 static double largest_cluster(const forecast *f)
 {
-	const bool one = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces) == 1;
-	return one ? f->faces : LARGEST * mean_cluster(f);
+	const uint32_t clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+	const double share = wh_kdtree_largest(clusters, wh_plan_skew(f->cuts));
+	return clusters == 1 ? f->faces : UNEVEN * share * f->faces;
 }
 
 static void disk(forecast *f, double more)
@@ -142,7 +152,8 @@ static double round_store(const forecast *f, double faces)
 /* Bytes of a cluster as it is loaded: its file, the patch, the index that resolves ids. */
 static double loaded(const forecast *f, double nf)
 {
-	return nf * (3 * f->id + 0.5 * f->vertex) + nf * (12 + 0.5 * 37) + nf * 4;
+	const double payload = f->p->rounds > 0 ? sizeof(float) : 0;
+	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + nf * (12 + 0.5 * 37) + nf * 4;
 }
 
 static void stage(forecast *f, wh_plan_stage s, double need, double expect)
@@ -184,7 +195,7 @@ static void round_of(forecast *f, double keep)
 	const double whole =
 	    cut ? (wh_plan_keep_micro(&f->q->sizes, keep) + MICRO_LEFT) * nf + micro : nf;
 	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
-	                      TOUCHED_ENGINE * fmin(whole, nf + micro) + SAVE_BUFFER;
+	                      TOUCHED_ROUND * fmin(whole, nf + micro) + SAVE_BUFFER;
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
 	const bool cut_off = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces) > 1;
 	const double border = BORDER_LEFT / sqrt(mean_cluster(f)) * exp(-keep / 0.06);
@@ -199,6 +210,7 @@ static void round_of(forecast *f, double keep)
 static void recut(forecast *f)
 {
 	const double nf = largest_cluster(f);
+	f->cuts++;
 	stage(f, WH_PLAN_RECUT, cluster_need(f, nf) / 2, busy(f, loaded(f, nf) + 20 * nf));
 	const double next = cut_store(f, sizeof(float));
 	disk(f, next);
@@ -208,7 +220,7 @@ static void recut(forecast *f)
 static void settle(forecast *f, double target)
 {
 	const double nf = largest_cluster(f);
-	const double expect = loaded(f, nf) + TOUCHED_ENGINE * nf + SAVE_BUFFER;
+	const double expect = loaded(f, nf) + TOUCHED_SETTLE * nf + SAVE_BUFFER;
 	stage(f, WH_PLAN_SETTLE, cluster_need(f, nf), busy(f, expect));
 	const double next = round_store(f, target);
 	disk(f, next);
@@ -260,7 +272,7 @@ static void last_pass(forecast *f)
 {
 	const uint64_t nf = (uint64_t)f->faces, nv = nf / 2;
 	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf),
-	      f->faces * (TOUCHED_ENGINE + 12 + 0.5 * 37));
+	      f->faces * (TOUCHED_FINAL + 12 + 0.5 * 37));
 }
 
 static void ingest(forecast *f)

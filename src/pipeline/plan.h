@@ -32,6 +32,10 @@ typedef struct wh_plan_sizes {
 /* Clusters that so many faces are cut into. */
 uint32_t wh_plan_clusters(const wh_plan_sizes *s, uint64_t faces);
 
+/* Share of the cells left of each cut in the first partition (0) and those after it: different
+ * ones, so that they cut elsewhere. */
+double wh_plan_skew(uint32_t cut);
+
 /* Most faces that the last pass over all may start from. */
 uint64_t wh_plan_final_limit(const wh_plan_sizes *s);
 
