@@ -276,7 +276,7 @@ static void every_phase_can_be_stopped(void **state)
 		const char *const *must = way == 2 ? streamed : in_memory;
 		make_small(&f, way == 1);
 		if (way == 2)
-			f.params.final_faces = 100;
+			f.params.faces = 4000;
 		f.params.threads = 1; /* the order of events is that of the first run */
 		f.params.progress = listen_and_stop;
 		listener *whole = calloc(1, sizeof *whole);
