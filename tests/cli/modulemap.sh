@@ -1,8 +1,8 @@
 # House rules that keep the modules apart.
 #
 # Who may include whom. A folder may include itself and what its line names; geom, io and exec
-# are strangers to one another. The public whittle.h may be included by tools only (a library
-# file other than whittle.c that needs it has its dependency upside down), and shows no more
+# are strangers to one another. The public whittle.h may be included by run and tools only (any
+# other file of the library that needs it has its dependency upside down), and shows no more
 # than base.
 #
 #   base      -
@@ -12,6 +12,7 @@
 #   mesh      base geom exec           (bvh is built and asked in parallel)
 #   algo      base geom io exec mesh   (io: synth streams what it makes)
 #   pipeline  base geom io exec mesh algo
+#   run       all of these, and whittle.h
 #   whittle   all of these
 #   tools     all of these
 #
@@ -53,6 +54,7 @@ layer exec base
 layer mesh base geom exec
 layer algo base geom io exec mesh
 layer pipeline base geom io exec mesh algo
+layer run base geom io exec mesh algo pipeline whittle.h
 while read -r _ header; do
 	[[ $header == base/* ]] || fail "whittle.h shows $header to the world"
 done < <(includes src/whittle.h)

@@ -1,0 +1,86 @@
+#include "run/run.h"
+
+#include "mesh/order.h"
+#include "pipeline/finish.h"
+
+#include <math.h>
+
+wh_code wh_run_stitch(wh_run *r)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return r->c->err.code;
+	const size_t load =
+	    wh_store_scratch_bytes(&r->store, max_v, max_f) + wh_patch_bytes(max_v, max_f);
+	const size_t need = load + wh_finish_bytes(vertices, faces);
+	if (need > wh_run_budget(r))
+		return wh_run_too_small(r, "the final pass", need);
+	uint64_t unreferenced;
+	wh_run_phase_begin(r);
+	const wh_code code =
+	    wh_finish_stitch(r->c, &r->store, &r->progress, &r->patch, &unreferenced);
+	wh_run_note_unreferenced(r, unreferenced);
+	r->report->never_free_vertices = 0; /* no vertex is on a cut now */
+	if (code == WH_OK)
+		wh_round_remove(&r->store);
+	return wh_run_phase_end(r, WH_PHASE_STITCH, code);
+}
+
+static uint32_t no_more_than(uint64_t count, uint32_t most)
+{
+	return count < most ? (uint32_t)count : most;
+}
+
+wh_code wh_run_final_pass(wh_run *r)
+{
+	wh_reduce_report *t = r->report;
+	wh_simplify_params p = wh_run_engine(r);
+	p.target_faces = no_more_than(t->target_faces, r->patch.nf);
+	p.target_vertices = no_more_than(t->target_vertices, r->patch.nv);
+	p.insist = true;
+	wh_run_phase_begin(r);
+	wh_progress_phase(&r->progress, "final pass", r->patch.nf);
+	wh_simplify_result done = {0};
+	wh_simplify_work *w = wh_simplify_work_new(r->c);
+	wh_code code = w ? WH_OK : r->c->err.code;
+	if (code == WH_OK)
+		code = wh_simplify(r->c, w, &r->patch, &p, &done);
+	wh_simplify_work_free(r->c, w);
+	if (code == WH_OK) {
+		wh_simplify_result_add(&r->work, &done);
+		t->nonmanifold_kept = done.fixed;
+		t->exhausted = done.exhausted && (t->target_faces || t->target_vertices) &&
+		               !isfinite(r->max_err);
+		t->one_less = t->target_faces && !t->target_vertices &&
+		              (uint64_t)r->patch.nf + 1 == t->target_faces;
+	}
+	return wh_run_phase_end(r, WH_PHASE_FINAL, code);
+}
+
+wh_code wh_run_check(wh_run *r)
+{
+	const wh_mesh m = {
+	    .nv = r->patch.nv, .nf = r->patch.nf, .pos = r->patch.pos, .tri = r->patch.tri};
+	wh_check found;
+	wh_run_phase_begin(r);
+	wh_progress_phase(&r->progress, "check", m.nf);
+	if (wh_run_phase_end(r, WH_PHASE_CHECK, wh_check_mesh(r->c, &m, &found)) != WH_OK)
+		return r->c->err.code;
+	wh_run_note_check(r, &found);
+	return WH_OK;
+}
+
+wh_code wh_run_write(wh_run *r, wh_outfile **out)
+{
+	wh_run_phase_begin(r);
+	wh_progress_phase(&r->progress, "order", r->patch.nv);
+	wh_code code = wh_patch_order(r->c, &r->patch);
+	if (code == WH_OK)
+		code = wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch,
+		                       r->ingest.scale);
+	r->report->output_vertices = r->patch.nv;
+	r->report->output_faces = r->patch.nf;
+	if (code == WH_OK)
+		code = wh_run_commit(r, out);
+	return wh_run_phase_end(r, WH_PHASE_WRITE, code);
+}

@@ -1,0 +1,182 @@
+#define _GNU_SOURCE
+#include "run/run.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+enum { COPY = 1 << 20 };
+
+/* The folder of the output: where temporary files go when nothing else is said. */
+wh_code wh_run_open_spill(wh_run *r)
+{
+	char *folder = wh_strdup(r->c, r->params->output);
+	if (!folder)
+		return r->c->err.code;
+	char *slash = strrchr(folder, '/');
+	const char *place = ".";
+	if (slash) {
+		slash[slash == folder ? 1 : 0] = '\0';
+		place = folder;
+	}
+	struct stat st;
+	/* beside a device or a pipe nobody wants temporary files */
+	if (stat(r->params->output, &st) == 0 && !S_ISREG(st.st_mode))
+		place = ".";
+	const wh_code code = wh_spill_open(r->c, &r->spill, r->params->temp_dir, place);
+	wh_free(r->c, folder);
+	return code;
+}
+
+wh_code wh_run_open_input(wh_run *r, bool rewrite)
+{
+	if (r->input_open)
+		wh_input_close(r->c, &r->spill, &r->input);
+	r->input_open = false;
+	wh_progress_phase(&r->progress, "open", 1);
+	wh_exec ex = r->exec;
+	if ((size_t)ex.workers > wh_run_budget(r) / WH_PLAN_REWRITE)
+		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
+		                 ? 1
+		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
+	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
+		return r->c->err.code;
+	r->input_open = true;
+	wh_reduce_report *t = r->report;
+	t->input_bytes = r->input.ply.size;
+	t->input_vertices = r->input.source.nv;
+	t->input_faces = r->input.source.nf;
+	t->polygons = r->input.polygons;
+	t->degenerate_faces = r->input.degenerate;
+	r->faces = t->input_faces;
+	wh_run_targets(r);
+	return WH_OK;
+}
+
+/* Appends a name to the list of what is dropped; a list too long ends in "...". */
+static void note_dropped(wh_reduce_report *t, const char *name)
+{
+	const size_t used = strlen(t->dropped), room = sizeof t->dropped - used;
+	if (strlen(name) + sizeof ", ..." < room)
+		(void)snprintf(t->dropped + used, room, "%s%s", used ? ", " : "", name);
+	else if (used < 3 || strcmp(t->dropped + used - 3, "...") != 0)
+		(void)snprintf(t->dropped + used, room, ", ...");
+}
+
+/* Positions and triangles are carried over; everything else the file holds is named. */
+void wh_run_list_dropped(wh_run *r)
+{
+	const wh_ply *p = &r->input.ply;
+	for (size_t i = 0; i < p->nelems; i++) {
+		const wh_ply_elem *e = &p->elems[i];
+		const bool vertex = (int)i == p->vertex, face = (int)i == p->face;
+		if (!vertex && !face && (int)i != p->strips)
+			note_dropped(r->report, e->name);
+		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
+			if (vertex ? k != p->x && k != p->y && k != p->z : k != p->corners)
+				note_dropped(r->report, e->props[k].name);
+	}
+}
+
+static wh_plan make_plan(const wh_run *r)
+{
+	const wh_plan_query q = {.source = r->input.source,
+	                         .rewrite_bytes = wh_input_temp_bytes(&r->input),
+	                         .sizes = r->sizes,
+	                         .share = wh_run_share(r),
+	                         .memory = r->memory,
+	                         .threads = r->exec.workers};
+	wh_plan p;
+	wh_plan_make(&q, &p);
+	return p;
+}
+
+/* Before the work begins: a ceiling that will not do is refused with one that will. */
+wh_code wh_run_refuse_early(wh_run *r)
+{
+	r->plan = make_plan(r);
+	for (int i = 0; i < WH_PLAN_STAGES; i++)
+		if (r->plan.stage[i].need > wh_run_budget(r))
+			return wh_run_too_small(r, wh_plan_stage_name((wh_plan_stage)i), 0);
+	return WH_OK;
+}
+
+static wh_code ingest_once(wh_run *r)
+{
+	wh_exec ex = r->exec;
+	if (wh_run_refuse_early(r) != WH_OK)
+		return r->c->err.code;
+	wh_ingest_params p = {.clusters = r->plan.clusters};
+	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
+	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
+	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
+}
+
+static void count_input_reads(wh_run *r)
+{
+	const wh_source *s = &r->input.source;
+	r->report->bytes_read += 3 * s->nv * s->vstride + r->ingest.face_reads * s->fstride;
+}
+
+wh_code wh_run_ingest(wh_run *r)
+{
+	wh_code code = ingest_once(r);
+	if (code == WH_E_IRREGULAR) { /* faces that are not triangles behind a triangle's size */
+		if (wh_run_open_input(r, true) != WH_OK)
+			return r->c->err.code;
+		code = ingest_once(r);
+	}
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
+	if (code != WH_OK)
+		return code;
+	count_input_reads(r);
+	wh_input_drop_temp(&r->spill, &r->input);
+	wh_reduce_report *t = r->report;
+	r->faces = r->ingest.faces;
+	t->degenerate_faces += r->ingest.degenerate;
+	t->cut_vertices = r->ingest.cut_vertices;
+	t->clusters = r->store.clusters;
+	t->windows = r->ingest.windows;
+	const double scale = r->ingest.scale;
+	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
+	t->diagonal /= scale;
+	if (r->faces == 0)
+		return wh_fail(r->c, WH_E_INPUT,
+		               "%s: all %llu faces are degenerate: nothing to reduce",
+		               r->params->input, (unsigned long long)t->input_faces);
+	r->max_err = INFINITY;
+	if (r->params->error > 0)
+		r->max_err = r->params->error;
+	if (r->params->error_share > 0)
+		r->max_err = fmin(r->max_err, r->params->error_share * t->diagonal);
+	return WH_OK;
+}
+
+/* The target is no smaller than the input: its bytes are the result. */
+wh_code wh_run_copy_input(wh_run *r, wh_outfile **out)
+{
+	wh_reduce_report *t = r->report;
+	t->unchanged = true;
+	t->output_vertices = t->input_vertices;
+	t->output_faces = t->input_faces;
+	uint8_t *buf = wh_alloc(r->c, COPY, 1);
+	wh_run_phase_begin(r);
+	wh_code code = r->c->err.code;
+	for (uint64_t at = 0; code == WH_OK && at < t->input_bytes; at += COPY) {
+		const uint64_t left = t->input_bytes - at;
+		const size_t n = left < COPY ? (size_t)left : COPY;
+		code = wh_poll(r->c);
+		if (code == WH_OK)
+			code = wh_ply_pread(r->c, r->params->input, r->input.ply.fd, buf, n, at);
+		if (code == WH_OK)
+			code = wh_outfile_write(r->c, *out, buf, n);
+	}
+	wh_free(r->c, buf);
+	if (code == WH_OK)
+		code = wh_ply_unchanged(r->c, &r->input.ply);
+	if (code == WH_OK)
+		code = wh_run_commit(r, out);
+	return wh_run_phase_end(r, WH_PHASE_WRITE, code);
+}

@@ -1,0 +1,121 @@
+#include "run/run.h"
+
+#include <math.h>
+
+enum { MOST_LOWERINGS = 12 }; /* of a round's cost limit, by a factor of 8 each */
+
+/* Workers for stages that hold one cluster each. */
+wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
+		return r->c->err.code;
+	const size_t load = wh_store_scratch_bytes(&r->store, max_v, max_f);
+	return wh_run_fit_workers(r, "a cluster", load + wh_cluster_bytes(max_v, max_f), ex);
+}
+
+/* The cost limits of a round that is to keep this share of the faces. */
+wh_code wh_run_survey(wh_run *r, const wh_exec *ex, double keep, wh_cluster_params *p)
+{
+	wh_run_phase_begin(r);
+	wh_survey s = {.log = wh_calloc(r->c, 1, sizeof *s.log)};
+	wh_code code = r->c->err.code;
+	if (code == WH_OK)
+		code = wh_round_survey(r->c, ex, &r->progress, &r->store, WH_PLAN_SURVEY_FACES,
+		                       &p->all, &s);
+	if (code == WH_OK) {
+		p->all.max_cost = wh_survey_cost(&s, keep);
+		p->micro_cost = wh_survey_cost(&s, wh_plan_keep_micro(&r->sizes, keep));
+	}
+	wh_free(r->c, s.log);
+	return wh_run_phase_end(r, WH_PHASE_SURVEY, code);
+}
+
+/* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
+ * is lowered, and the round done again. Where that does not help either, as too many collapses
+ * cost nothing at all, the mesh is left as it was. */
+static wh_code decimate(wh_run *r, const wh_exec *ex, wh_cluster_params *p, double share)
+{
+	wh_store next = {.spill = &r->spill};
+	wh_round_result done;
+	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
+	uint64_t last = 0;
+	for (int lowered = 0;; lowered++) {
+		next.generation = r->generations++;
+		wh_run_phase_begin(r);
+		const wh_code code =
+		    wh_round_reduce(r->c, ex, &r->progress, &r->store, &next, p, &done);
+		if (wh_run_phase_end(r, WH_PHASE_DECIMATE, code) != WH_OK)
+			return code;
+		wh_run_note_unreferenced(r, done.unreferenced);
+		if (done.faces > least || !isfinite(p->all.max_cost))
+			break;
+		wh_round_remove(&next);
+		if (lowered == MOST_LOWERINGS || done.faces == last)
+			return WH_OK;
+		last = done.faces;
+		p->all.max_cost /= 8;
+		p->micro_cost /= 8;
+	}
+	wh_round_remove(&r->store);
+	r->store = next;
+	r->faces = done.faces;
+	r->report->rounds++;
+	wh_simplify_result_add(&r->work, &done.work);
+	return WH_OK;
+}
+
+/* Cuts anew; `free_all`: so that no vertex is on a cut that always was. */
+wh_code wh_run_recut(wh_run *r, bool free_all)
+{
+	wh_recut_params p = {.skew = wh_plan_skew(++r->recuts), .free_all = free_all};
+	wh_store next = {.spill = &r->spill, .generation = r->generations++};
+	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
+	wh_exec ex = r->exec;
+	size_t need;
+	if (wh_round_recut_fit(r->c, &r->store, next.clusters, wh_run_budget(r), &ex, &p.buffer,
+	                       &need) != WH_OK)
+		return r->c->err.code;
+	if (need > wh_run_budget(r))
+		return wh_run_too_small(r, "cutting anew", need);
+	wh_run_phase_begin(r);
+	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, &p,
+	                                    &r->report->never_free_vertices);
+	if (wh_run_phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
+		return code;
+	wh_round_remove(&r->store);
+	r->store = next;
+	return WH_OK;
+}
+
+/* Decimates all clusters so that a share of the faces is left, or to the error limit. */
+wh_code wh_run_round(wh_run *r, double keep)
+{
+	const double share = wh_run_share(r);
+	wh_cluster_params params = {.micro_faces = (uint32_t)r->params->micro_faces,
+	                            .micro_cost = INFINITY,
+	                            .all = wh_run_engine(r)};
+	wh_exec ex;
+	if (wh_run_cluster_workers(r, &ex) != WH_OK ||
+	    (share > 0 && wh_run_survey(r, &ex, keep, &params) != WH_OK))
+		return r->c->err.code;
+	return decimate(r, &ex, &params, share);
+}
+
+/* Rounds, until the mesh fits the final pass or a round no longer helps. */
+wh_code wh_run_rounds(wh_run *r)
+{
+	const uint64_t micro = r->params->micro_faces;
+	if (r->store.clusters == 1 && (micro == 0 || r->faces <= 2 * micro))
+		return WH_OK;
+	for (bool on = wh_plan_round_pays(wh_run_share(r)); on;) {
+		const uint32_t clusters = r->store.clusters;
+		const uint64_t before = r->faces;
+		if (r->report->rounds > 0 && wh_run_recut(r, false) != WH_OK)
+			return r->c->err.code;
+		if (wh_run_round(r, wh_plan_keep(&r->sizes, r->faces, wh_run_share(r))) != WH_OK)
+			return r->c->err.code;
+		on = wh_plan_go_on(&r->sizes, clusters, before, r->faces, wh_run_share(r));
+	}
+	return WH_OK;
+}

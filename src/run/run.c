@@ -1,0 +1,146 @@
+#define _GNU_SOURCE
+#include "run/run.h"
+
+#include "base/timer.h"
+
+#include <math.h>
+
+void wh_run_phase_begin(wh_run *r)
+{
+	r->phase_start = wh_seconds();
+}
+
+wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code)
+{
+	r->report->seconds[phase] += wh_seconds() - r->phase_start;
+	return code;
+}
+
+/* ---- budget ------------------------------------------------------------------------------- */
+
+size_t wh_run_budget(const wh_run *r)
+{
+	return r->memory > WH_PLAN_BASE ? r->memory - WH_PLAN_BASE : 0;
+}
+
+/* A refusal names a ceiling that does for all stages. */
+wh_code wh_run_too_small(wh_run *r, const char *what, size_t need)
+{
+	if (need + WH_PLAN_BASE < r->plan.least)
+		need = r->plan.least - WH_PLAN_BASE;
+	const size_t mib = ((need + WH_PLAN_BASE) >> 20) + 2;
+	return wh_fail(r->c, WH_E_PLAN,
+	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
+	               r->memory >> 20, mib);
+}
+
+/* As many workers as fit when each takes `each` bytes. */
+wh_code wh_run_fit_workers(wh_run *r, const char *what, size_t each, wh_exec *ex)
+{
+	const size_t fits = wh_run_budget(r) / each;
+	if (fits == 0)
+		return wh_run_too_small(r, what, each);
+	*ex = r->exec;
+	if ((size_t)ex->workers > fits)
+		ex->workers = (int)fits;
+	return WH_OK;
+}
+
+/* ---- targets ------------------------------------------------------------------------------ */
+
+static uint64_t loosest_limit(uint64_t count, double share, uint64_t of)
+{
+	uint64_t limit = count;
+	if (share > 0) {
+		const double exact = share * (double)of;
+		const uint64_t by_share = exact < 1 ? 1 : (uint64_t)(exact + 0.5);
+		limit = limit == 0 || by_share > limit ? by_share : limit;
+	}
+	return limit;
+}
+
+/* Several limits: the first reached stops, so of two counts the larger one holds. */
+void wh_run_targets(wh_run *r)
+{
+	const wh_reduce_params *p = r->params;
+	r->report->target_faces = loosest_limit(p->faces, p->face_ratio, r->report->input_faces);
+	r->report->target_vertices =
+	    loosest_limit(p->vertices, p->vertex_ratio, r->report->input_vertices);
+}
+
+static double larger_of(double a, double b)
+{
+	return a > b ? a : b;
+}
+
+/* Share of `faces` that the targets ask to keep; 0 when no count limits it. */
+double wh_run_share(const wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	double share = 0;
+	if (t->target_faces)
+		share = (double)t->target_faces / (double)r->faces;
+	if (t->target_vertices) {
+		const double as_faces =
+		    (double)t->target_vertices * (double)t->input_faces / (double)t->input_vertices;
+		share = larger_of(share, as_faces / (double)r->faces);
+	}
+	return share;
+}
+
+bool wh_run_nothing_to_do(const wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	return (t->target_faces && t->target_faces >= t->input_faces) ||
+	       (t->target_vertices && t->target_vertices >= t->input_vertices);
+}
+
+/* Vertices that are left: each collapse takes one. */
+uint64_t wh_run_vertices(const wh_run *r)
+{
+	return r->report->input_vertices - r->report->unreferenced_vertices - r->work.collapses;
+}
+
+wh_ply_style wh_run_style(const wh_run *r)
+{
+	return (wh_ply_style){.ascii = r->params->ascii, .is_double = r->input.source.is_double};
+}
+
+wh_simplify_params wh_run_engine(const wh_run *r)
+{
+	return (wh_simplify_params){.max_cost = INFINITY,
+	                            .max_err = r->max_err * r->ingest.scale,
+	                            .lock_boundary = r->params->lock_boundary,
+	                            .float_positions = !r->input.source.is_double,
+	                            .step = r->ingest.step};
+}
+
+void wh_run_note_unreferenced(wh_run *r, uint64_t n)
+{
+	if (n)
+		r->report->unreferenced_vertices = n;
+}
+
+/* ---- the result --------------------------------------------------------------------------- */
+
+wh_plan_sizes wh_run_sizes(const wh_reduce_params *p)
+{
+	return (wh_plan_sizes){p->cluster_faces, p->micro_faces, p->final_faces};
+}
+
+void wh_run_note_check(wh_run *r, const wh_check *found)
+{
+	wh_reduce_report *t = r->report;
+	t->boundary_edges = found->boundary_edges;
+	t->nonmanifold_edges = found->nonmanifold_edges;
+	t->components = found->components;
+	t->boundary_loops = found->boundary_loops;
+	t->euler = found->euler;
+}
+
+wh_code wh_run_commit(wh_run *r, wh_outfile **out)
+{
+	r->report->output_bytes = wh_outfile_bytes(*out);
+	wh_outfile_checksum(*out, r->report->checksum);
+	return wh_outfile_commit(r->c, out);
+}

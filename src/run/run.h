@@ -1,0 +1,114 @@
+/*
+ * run: one reduction in progress, and its stages. Only whittle.c calls them, in their order.
+ *
+ *     open.c     input, plan, ingest; the copy where there is nothing to do
+ *     rounds.c   survey, decimate, recut
+ *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
+ *     last.c     a result that fits: stitch, final pass, check, write
+ *
+ * Each stage keeps its time in the report and takes the memory that the budget leaves. What the
+ * stages do is in pipeline/.
+ */
+#ifndef WH_RUN_RUN_H
+#define WH_RUN_RUN_H
+
+#include "whittle.h"
+
+#include "io/outfile.h"
+#include "mesh/check.h"
+#include "pipeline/ingest.h"
+#include "pipeline/normalise.h"
+#include "pipeline/plan.h"
+#include "pipeline/round.h"
+
+typedef struct wh_run {
+	wh_ctx *c;
+	const wh_reduce_params *params;
+	wh_reduce_report *report;
+	wh_exec exec;
+	wh_progress progress;
+	wh_spill spill;
+	wh_input input;
+	bool input_open;
+	wh_ingest_result ingest;
+	wh_store store; /* what the mesh lies in now */
+	uint64_t faces; /* of it */
+	uint32_t generations, recuts;
+	wh_patch patch;
+	double max_err;
+	double phase_start;
+	size_t memory; /* ceiling */
+	wh_plan_sizes sizes;
+	wh_plan plan;
+	wh_simplify_result work; /* of all stages */
+} wh_run;
+
+/* ---- run.c: what the stages share --------------------------------------------------------- */
+
+void wh_run_phase_begin(wh_run *r);
+/* Adds the time since then to the phase's; returns `code`. */
+wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code);
+
+/* Bytes that stages may hold. */
+size_t wh_run_budget(const wh_run *r);
+/* A refusal that names a ceiling that does for all stages. */
+wh_code wh_run_too_small(wh_run *r, const char *what, size_t need);
+/* As many workers as fit when each takes `each` bytes; refuses where none does. */
+wh_code wh_run_fit_workers(wh_run *r, const char *what, size_t each, wh_exec *ex);
+
+/* Counts of faces and vertices to reach, into the report. */
+void wh_run_targets(wh_run *r);
+/* Share of the faces there are now that the targets ask to keep; 0 when no count limits it. */
+double wh_run_share(const wh_run *r);
+bool wh_run_nothing_to_do(const wh_run *r);
+/* Vertices that are left. */
+uint64_t wh_run_vertices(const wh_run *r);
+/* Only the files that ingest wrote hold vertices of no face. */
+void wh_run_note_unreferenced(wh_run *r, uint64_t n);
+
+wh_ply_style wh_run_style(const wh_run *r);
+wh_simplify_params wh_run_engine(const wh_run *r);
+wh_plan_sizes wh_run_sizes(const wh_reduce_params *p);
+void wh_run_note_check(wh_run *r, const wh_check *found);
+/* The output is whole: its name, its size, its checksum. */
+wh_code wh_run_commit(wh_run *r, wh_outfile **out);
+
+/* ---- open.c ------------------------------------------------------------------------------- */
+
+wh_code wh_run_open_spill(wh_run *r);
+wh_code wh_run_open_input(wh_run *r, bool rewrite);
+/* Names in the report what the file holds and the result will not. */
+void wh_run_list_dropped(wh_run *r);
+/* Makes the plan; a ceiling that will not do is refused. */
+wh_code wh_run_refuse_early(wh_run *r);
+wh_code wh_run_ingest(wh_run *r);
+/* The target is no smaller than the input: its bytes are the result. */
+wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
+
+/* ---- rounds.c ----------------------------------------------------------------------------- */
+
+/* Workers for stages that hold one cluster each. */
+wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex);
+/* The cost limits of a round that is to keep this share of the faces. */
+wh_code wh_run_survey(wh_run *r, const wh_exec *ex, double keep, wh_cluster_params *p);
+/* Cuts anew; `free_all`: away from vertices that were on every cut. */
+wh_code wh_run_recut(wh_run *r, bool free_all);
+/* Decimates all clusters so that a share of the faces is left, or to the error limit. */
+wh_code wh_run_round(wh_run *r, double keep);
+/* Rounds, until the mesh fits the final pass or a round no longer helps. */
+wh_code wh_run_rounds(wh_run *r);
+
+/* ---- stream.c ----------------------------------------------------------------------------- */
+
+wh_code wh_run_settle(wh_run *r);
+wh_code wh_run_check_clusters(wh_run *r);
+wh_code wh_run_emit(wh_run *r, wh_outfile **out);
+
+/* ---- last.c ------------------------------------------------------------------------------- */
+
+wh_code wh_run_stitch(wh_run *r);
+wh_code wh_run_final_pass(wh_run *r);
+wh_code wh_run_check(wh_run *r);
+wh_code wh_run_write(wh_run *r, wh_outfile **out);
+
+#endif

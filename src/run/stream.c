@@ -1,0 +1,146 @@
+#include "run/run.h"
+
+#include "pipeline/emit.h"
+#include "pipeline/inspect.h"
+#include "pipeline/settle.h"
+
+#include <math.h>
+
+/* A round to the exact count that leaves more than this is the last one, reached or not. */
+static const double SETTLE_NO_PROGRESS = 0.99;
+/* A trial goes on to this share of the target, as a survey is not exact ... */
+static const double TRIAL_MARGIN = 0.92;
+/* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
+static const double TRIAL_RAISE = 64;
+enum {
+	ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
+	PATIENCE = 4,               /* rounds that wait for a partition that frees every vertex */
+	MOST_SETTLINGS = 64
+};
+
+/* Faces and vertices that are too many for the targets; 0 where there is no such target. */
+static wh_settle_params to_give_up(const wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	const uint64_t vertices = wh_run_vertices(r);
+	return (wh_settle_params){.faces = t->target_faces ? r->faces - t->target_faces : 0,
+	                          .vertices =
+	                              t->target_vertices ? vertices - t->target_vertices : 0,
+	                          .all = wh_run_engine(r)};
+}
+
+static bool is_reached(const wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	return (t->target_faces && r->faces <= t->target_faces) ||
+	       (t->target_vertices && wh_run_vertices(r) <= t->target_vertices);
+}
+
+/* Costs that a trial may go to, one after the other while the one before was not enough. */
+static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[3])
+{
+	wh_cluster_params p = {.all = wh_run_engine(r)};
+	if (wh_run_survey(r, ex, TRIAL_MARGIN * wh_run_share(r), &p) != WH_OK)
+		return r->c->err.code;
+	cost[0] = p.all.max_cost;
+	cost[1] = TRIAL_RAISE * p.all.max_cost;
+	cost[2] = INFINITY;
+	return WH_OK;
+}
+
+/* A round that ends at the exact count, or as near to it as its clusters can come. */
+static wh_code settle_once(wh_run *r)
+{
+	wh_exec ex;
+	double cost[3];
+	wh_settle_result done = {0};
+	wh_store next = {.spill = &r->spill, .generation = r->generations++};
+	wh_settle_params p = to_give_up(r);
+	if (wh_run_cluster_workers(r, &ex) != WH_OK || trial_costs(r, &ex, cost) != WH_OK)
+		return r->c->err.code;
+	wh_run_phase_begin(r);
+	wh_code code = WH_OK;
+	for (int i = 0; code == WH_OK && i < 3 && !done.reached; i++) {
+		p.all.max_cost = cost[i];
+		code = wh_settle(r->c, &ex, &r->progress, &r->store, &next, &p, i == 2, &done);
+	}
+	if (wh_run_phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
+		return code;
+	wh_round_remove(&r->store);
+	r->store = next;
+	r->faces = done.round.faces;
+	wh_run_note_unreferenced(r, done.round.unreferenced);
+	r->report->one_less = done.one_less;
+	r->report->rounds++;
+	wh_simplify_result_add(&r->work, &done.round.work);
+	return WH_OK;
+}
+
+/* Another round to the error limit, which is all that there is to hold. */
+static wh_code exhaust_once(wh_run *r)
+{
+	return wh_run_round(r, 1);
+}
+
+/* Rounds over cut after cut until the count is exact, or no round helps, and no vertex is left
+ * that was on every cut. */
+wh_code wh_run_settle(wh_run *r)
+{
+	const bool counted = wh_run_share(r) > 0;
+	for (int i = 0; i < MOST_SETTLINGS; i++) {
+		const bool near = r->recuts >= ROUNDS_BEFORE_SETTLING - 1;
+		if ((i > 0 || r->report->rounds > 0) && wh_run_recut(r, near) != WH_OK)
+			return r->c->err.code;
+		const uint64_t before = r->faces;
+		const bool last = near && (r->report->never_free_vertices == 0 || i >= PATIENCE);
+		wh_code code;
+		if (!counted)
+			code = exhaust_once(r);
+		else if (last)
+			code = is_reached(r) ? WH_OK : settle_once(r);
+		else
+			code = wh_run_round(r, wh_plan_keep_near(wh_run_share(r)));
+		if (code != WH_OK)
+			return code;
+		if (last && ((counted && is_reached(r)) ||
+		             (double)r->faces > SETTLE_NO_PROGRESS * (double)before))
+			break;
+	}
+	r->report->streamed = true;
+	r->report->exhausted = counted && !is_reached(r) && !isfinite(r->max_err);
+	return WH_OK;
+}
+
+wh_code wh_run_check_clusters(wh_run *r)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	wh_check found;
+	wh_exec ex;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
+	    wh_run_fit_workers(r, "checking a cluster", wh_inspect_bytes(&r->store, max_v, max_f),
+	                       &ex) != WH_OK)
+		return r->c->err.code;
+	wh_run_phase_begin(r);
+	const wh_code code = wh_inspect_store(r->c, &ex, &r->progress, &r->store, &found);
+	if (code == WH_OK)
+		wh_run_note_check(r, &found);
+	return wh_run_phase_end(r, WH_PHASE_CHECK, code);
+}
+
+wh_code wh_run_emit(wh_run *r, wh_outfile **out)
+{
+	uint64_t max_v, max_f, faces, vertices;
+	wh_exec ex;
+	wh_reduce_report *t = r->report;
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
+	    wh_run_fit_workers(r, "writing a cluster", wh_emit_bytes(max_v, max_f), &ex) != WH_OK)
+		return r->c->err.code;
+	t->output_vertices = wh_run_vertices(r);
+	t->output_faces = r->faces;
+	wh_run_phase_begin(r);
+	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, wh_run_style(r),
+	                       r->ingest.scale, t->output_vertices, t->output_faces);
+	if (code == WH_OK)
+		code = wh_run_commit(r, out);
+	return wh_run_phase_end(r, WH_PHASE_WRITE, code);
+}
