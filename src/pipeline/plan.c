@@ -25,7 +25,7 @@ static const double ROUND_NO_PROGRESS = 0.9;
 static const double BORDER_LEFT = 4.4;
 static const double KEEP_OF_PIECE_MOST = 0.5;
 /* So little always fits one pass: some 12 MiB. */
-static const uint64_t FINAL_LEAST = 64 * 1024;
+static const uint64_t FINAL_LEAST = 64ULL * 1024;
 
 double wh_plan_skew(uint32_t cut)
 {

@@ -431,9 +431,9 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 		return c->err.code;
 	const size_t hand = hand_bytes(from, clusters, max_v, max_f);
 	const size_t always = wh_kdtree_bytes(clusters) + 16 * ((size_t)from->clusters + 1) + 4096;
-	const size_t first =
-	    larger(sample_size(vertices) * sizeof(wh_kdpoint) + 3 * NEVERS * sizeof(wh_vec3),
-	           wh_visits_bytes(VISITS) + 3 * NEVERS * sizeof(uint64_t));
+	const size_t first = larger(
+	    sample_size(vertices) * sizeof(wh_kdpoint) + 3 * (size_t)NEVERS * sizeof(wh_vec3),
+	    wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t));
 	const size_t rest = always + larger(first, wh_dispatch_bytes(clusters, BUFFER_LEAST));
 	while (ex->workers > 1 && rest + (size_t)ex->workers * hand > budget)
 		ex->workers--;

@@ -52,7 +52,7 @@ static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[3])
 static wh_code settle_once(wh_run *r)
 {
 	wh_exec ex;
-	double cost[3];
+	double cost[3] = {0};
 	wh_settle_result done = {0};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	wh_settle_params p = to_give_up(r);
