@@ -38,7 +38,7 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_OPEN, wh_run_open_input(r, false)) != WH_OK)
 		return r->c->err.code;
-	if (wh_run_nothing_to_do(r) && !(r->params->ascii && r->input.ply.format != WH_PLY_ASCII))
+	if (wh_run_copies(r))
 		return wh_run_copy_input(r, out);
 	wh_run_list_dropped(r);
 	wh_run_phase_begin(r);
@@ -103,6 +103,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	            .memory = params->memory ? params->memory : wh_topo_memory() / 2,
 	            .sizes = wh_run_sizes(params)};
 	const size_t old_limit = c->mem->limit;
+	atomic_store(&c->mem->peak, atomic_load(&c->mem->used));
 	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - WH_PLAN_BASE / 2 : OPEN_BYTES;
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
@@ -148,7 +149,7 @@ static void fill_plan(const wh_run *r, wh_plan_report *report)
 {
 	report->target_faces = r->report->target_faces;
 	report->target_vertices = r->report->target_vertices;
-	report->unchanged = wh_run_nothing_to_do(r);
+	report->unchanged = wh_run_copies(r);
 	report->threads = r->exec.workers;
 	report->memory_ceiling = r->memory;
 	report->clusters = r->plan.clusters;
@@ -176,7 +177,8 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 	            .sizes = wh_run_sizes(params)};
 	wh_code code = look_at_input(&r, report);
 	if (code == WH_OK) {
-		code = wh_run_refuse_early(&r);
+		if (!wh_run_copies(&r))
+			code = wh_run_refuse_early(&r);
 		fill_plan(&r, report);
 	}
 	if (r.input_open)

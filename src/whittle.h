@@ -74,6 +74,8 @@ typedef struct wh_reduce_report {
 	double diagonal;                /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
+	bool checked; /* the counts of the next line are known: a streamed result with very many
+	                 cut vertices may need more memory for them than there is */
 	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
 	int64_t euler;
 	char checksum[33]; /* XXH3-128 of the output's bytes, hexadecimal */

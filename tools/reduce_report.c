@@ -88,8 +88,8 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	put_count(o, "vertices", r->output_vertices);
 	put_count(o, "faces", r->output_faces);
 	put_text(o, "checksum_xxh3_128", r->checksum);
-	if (r->unchanged)
-		return; /* copied, not looked at */
+	if (!r->checked)
+		return; /* copied, or not looked at for want of memory */
 	put_count(o, "boundary_edges", r->boundary_edges);
 	put_count(o, "boundary_loops", r->boundary_loops);
 	put_count(o, "nonmanifold_edges", r->nonmanifold_edges);

@@ -112,10 +112,10 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-size_t wh_emit_bytes(uint64_t nv, uint64_t nf)
+size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	const size_t patch = (size_t)nv * 37 + (size_t)nf * 12;
-	return patch + (size_t)nv * (24 + 8) + wh_patch_order_bytes(nv, nf);
+	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf) +
+	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf);
 }
 
 static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices, uint64_t faces)

@@ -15,8 +15,8 @@
 #include "pipeline/progress.h"
 #include "pipeline/store.h"
 
-/* Bytes that a worker takes for a cluster of these counts. */
-size_t wh_emit_bytes(uint64_t nv, uint64_t nf);
+/* Bytes that a worker takes for a cluster of these counts in such a store. */
+size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf);
 
 /*
  * Writes header, vertices (whose positions were multiplied by `scale`, a power of two) and faces to

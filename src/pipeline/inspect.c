@@ -108,9 +108,8 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 
 size_t wh_inspect_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	const uint64_t raw = nf * 3 * store->id_bytes + nv * wh_store_vertex_bytes(store);
-	const uint64_t patch = nf * 12 + nv * 37, index = nv * 4;
-	return (size_t)(raw + patch + index) + wh_check_piece_bytes(nv, nf);
+	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf) +
+	       wh_check_piece_bytes(nv, nf);
 }
 
 /* ---- budget ------------------------------------------------------------------------------- */

@@ -5,6 +5,8 @@
 #include "pipeline/emit.h"
 #include "pipeline/finish.h"
 #include "pipeline/ingest.h"
+#include "pipeline/inspect.h"
+#include "pipeline/round.h"
 
 #include <math.h>
 
@@ -103,7 +105,12 @@ static const double TOUCHED_ROUND = 71, TOUCHED_SETTLE = 85, TOUCHED_FINAL = 118
 static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters */
 static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
+static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
 static const double SAVE_BUFFER = 1048576;
+/* The share that a round keeps at which its borders add a third of what they hold. */
+static const double BORDER_FADES = 0.06;
+/* Without a count nobody knows what is left: what is assumed of a round, and of all. */
+static const double GUESSED_KEEP = 0.5, GUESSED_LEFT = 0.01;
 /* Vertices that a cluster has besides its own, per square root of its faces. */
 static const double VISITORS = 6;
 
@@ -113,19 +120,24 @@ typedef struct forecast {
 	double id, vertex; /* bytes of an id, of a vertex record without payload */
 	double faces;      /* now */
 	double store;      /* bytes of the cluster files now */
+	uint32_t clusters; /* that the mesh is cut into now */
 	uint32_t cuts;     /* partitions after the first */
 } forecast;
 
-static double mean_cluster(const forecast *f)
-{
-	return f->faces / wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
-}
-
 static double largest_cluster(const forecast *f)
 {
-	const uint32_t clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
-	const double share = wh_kdtree_largest(clusters, wh_plan_skew(f->cuts));
-	return clusters == 1 ? f->faces : UNEVEN * share * f->faces;
+	const double share = wh_kdtree_largest(f->clusters, wh_plan_skew(f->cuts));
+	return f->clusters == 1 ? f->faces : UNEVEN * share * f->faces;
+}
+
+/* Layout of the cluster files: after a cut, or as a round leaves them. */
+static wh_store layout(const forecast *f, bool cut)
+{
+	return (wh_store){.clusters = f->clusters,
+	                  .id_bytes = (uint32_t)f->id,
+	                  .coord_bytes = f->q->source.is_double ? 8 : 4,
+	                  .vertex_payload = cut && f->p->rounds == 0 ? 0 : sizeof(float),
+	                  .local_corners = !cut};
 }
 
 static void disk(forecast *f, double more)
@@ -138,8 +150,8 @@ static void disk(forecast *f, double more)
 /* Cluster files with global ids as corners, as they are after a cut ... */
 static double cut_store(const forecast *f, double payload)
 {
-	const double clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
-	const double visitors = clusters > 1 ? VISITORS * sqrt(mean_cluster(f)) * clusters : 0;
+	const double clusters = f->clusters;
+	const double visitors = clusters > 1 ? VISITORS * sqrt(f->faces / clusters) * clusters : 0;
 	return f->faces * 3 * f->id + (f->faces / 2 + visitors) * (f->vertex + payload);
 }
 
@@ -167,7 +179,6 @@ static void stage(forecast *f, wh_plan_stage s, double need, double expect)
 		workers = 1;
 	if (expect * workers > (double)p->stage[s].expect) {
 		p->stage[s].expect = (size_t)(expect * workers);
-		p->stage[s].workers = (int)workers;
 	}
 	if (need > (double)p->stage[s].need)
 		p->stage[s].need = (size_t)need;
@@ -176,15 +187,18 @@ static void stage(forecast *f, wh_plan_stage s, double need, double expect)
 /* At most as many workers as there are clusters. */
 static double busy(const forecast *f, double expect)
 {
-	const double clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+	const double clusters = f->clusters;
 	return clusters < f->q->threads ? expect * clusters / f->q->threads : expect;
 }
 
+/* Room for clusters that turn out larger than they should. */
+static const double RESERVE = 1.15;
+
 static double cluster_need(const forecast *f, double nf)
 {
-	const uint64_t faces = (uint64_t)(1.15 * nf), vertices = faces / 20 * 11;
-	return 1.15 * nf * 12 + 0.55 * 1.15 * nf * (f->vertex + 12) +
-	       (double)wh_cluster_bytes(vertices, faces);
+	const wh_store s = layout(f, true);
+	return (double)wh_round_bytes(&s, (uint64_t)(0.55 * RESERVE * nf),
+	                              (uint64_t)(RESERVE * nf));
 }
 
 /* A round that keeps a share of the faces. */
@@ -197,9 +211,9 @@ static void round_of(forecast *f, double keep)
 	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
 	                      TOUCHED_ROUND * fmin(whole, nf + micro) + SAVE_BUFFER;
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
-	const bool cut_off = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces) > 1;
-	const double border = BORDER_LEFT / sqrt(mean_cluster(f)) * exp(-keep / 0.06);
-	const double after = fmin(f->faces * (keep + (cut_off ? border : 0)), f->faces);
+	const double border =
+	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-keep / BORDER_FADES);
+	const double after = fmin(f->faces * (keep + (f->clusters > 1 ? border : 0)), f->faces);
 	const double next = round_store(f, after);
 	disk(f, next);
 	f->store = next;
@@ -209,9 +223,15 @@ static void round_of(forecast *f, double keep)
 
 static void recut(forecast *f)
 {
-	const double nf = largest_cluster(f);
+	const double old = largest_cluster(f);
+	const wh_store from = layout(f, false);
+	const uint32_t clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
+	const size_t need =
+	    wh_round_recut_bytes(&from, clusters, (uint64_t)(0.55 * RESERVE * old),
+	                         (uint64_t)(RESERVE * old), (uint64_t)(0.52 * f->faces));
+	stage(f, WH_PLAN_RECUT, (double)need, busy(f, loaded(f, old) + TOUCHED_RECUT * old));
 	f->cuts++;
-	stage(f, WH_PLAN_RECUT, cluster_need(f, nf) / 2, busy(f, loaded(f, nf) + 20 * nf));
+	f->clusters = clusters;
 	const double next = cut_store(f, sizeof(float));
 	disk(f, next);
 	f->store = next;
@@ -227,8 +247,12 @@ static void settle(forecast *f, double target)
 	f->store = next;
 	f->faces = target;
 	f->p->rounds++;
-	stage(f, WH_PLAN_EMIT, (double)wh_emit_bytes((uint64_t)(0.6 * nf), (uint64_t)(1.15 * nf)),
-	      busy(f, loaded(f, nf) + 42 * nf));
+	const wh_store s = layout(f, false);
+	const uint64_t most_v = (uint64_t)(0.55 * RESERVE * nf), most_f = (uint64_t)(RESERVE * nf);
+	stage(f, WH_PLAN_CHECK, (double)wh_inspect_bytes(&s, most_v, most_f),
+	      busy(f, loaded(f, nf) + TOUCHED_CHECK * nf));
+	stage(f, WH_PLAN_EMIT, (double)wh_emit_bytes(&s, most_v, most_f),
+	      busy(f, loaded(f, nf) + TOUCHED_EMIT * nf));
 }
 
 /* The rounds of a run without a count are those of one that keeps as much as it can. */
@@ -241,25 +265,25 @@ static double share_of(const forecast *f)
 static void rounds(forecast *f)
 {
 	const wh_plan_sizes *s = &f->q->sizes;
+	if (f->clusters == 1 && (s->micro_faces == 0 || f->faces <= 2 * (double)s->micro_faces))
+		return;
 	for (bool on = wh_plan_round_pays(share_of(f)); on;) {
-		const uint32_t clusters = wh_plan_clusters(s, (uint64_t)f->faces);
+		const uint32_t clusters = f->clusters;
 		const double before = f->faces;
-		if (clusters == 1 &&
-		    (s->micro_faces == 0 || f->faces <= 2 * (double)s->micro_faces))
-			return;
 		if (f->p->rounds > 0)
 			recut(f);
-		round_of(f,
-		         f->q->share > 0 ? wh_plan_keep(s, (uint64_t)f->faces, share_of(f)) : 0.5);
+		round_of(f, f->q->share > 0 ? wh_plan_keep(s, (uint64_t)f->faces, share_of(f))
+		                            : GUESSED_KEEP);
 		on = wh_plan_go_on(s, clusters, (uint64_t)before, (uint64_t)f->faces, share_of(f));
 	}
 }
 
 static void last_rounds(forecast *f)
 {
-	const double target = fmin(f->faces, fmax(f->q->share, 0.01) * (double)f->q->source.nf);
+	const double target =
+	    fmin(f->faces, fmax(f->q->share, GUESSED_LEFT) * (double)f->q->source.nf);
 	f->p->streams = true;
-	while (f->p->rounds < 2) {
+	while (f->p->rounds < WH_PLAN_ROUNDS_BEFORE_SETTLING) {
 		if (f->p->rounds > 0)
 			recut(f);
 		round_of(f, wh_plan_keep_near(share_of(f)));
@@ -289,9 +313,9 @@ static void ingest(forecast *f)
 		in.buffer = (size_t)full;
 	in.visits = 0;
 	p->stage[WH_PLAN_INGEST].expect = wh_ingest_bytes(src, &ex, &in);
-	p->stage[WH_PLAN_INGEST].workers = ex.workers;
+
 	p->windows = in.window ? (uint32_t)((src->nv + in.window - 1) / in.window) : 1;
-	p->passes = 4;
+	p->passes = p->windows > 1 ? 4 + (int)p->windows : 4;
 	f->store = cut_store(f, 0);
 	const double side = p->windows > 1 ? 6 * f->faces : 0; /* cells of the corners */
 	disk(f, (double)f->q->rewrite_bytes + side);
@@ -299,9 +323,9 @@ static void ingest(forecast *f)
 
 const char *wh_plan_stage_name(wh_plan_stage stage)
 {
-	static const char *const name[WH_PLAN_STAGES] = {"reading the input", "a cluster",
-	                                                 "cutting anew",      "a cluster",
-	                                                 "the final pass",    "writing a cluster"};
+	static const char *const name[WH_PLAN_STAGES] = {
+	    "reading the input", "a cluster",          "cutting anew",     "a cluster",
+	    "the final pass",    "checking a cluster", "writing a cluster"};
 	return name[stage];
 }
 
@@ -313,11 +337,11 @@ void wh_plan_make(const wh_plan_query *q, wh_plan *p)
 	              .p = p,
 	              .id = id,
 	              .vertex = id + (q->source.is_double ? 24 : 12),
+	              .clusters = p->clusters,
 	              .faces = (double)q->source.nf};
 	ingest(&f);
 	rounds(&f);
-	if (wh_plan_streams(&q->sizes, wh_plan_clusters(&q->sizes, (uint64_t)f.faces),
-	                    (uint64_t)f.faces))
+	if (wh_plan_streams(&q->sizes, f.clusters, (uint64_t)f.faces))
 		last_rounds(&f);
 	else
 		last_pass(&f);

@@ -17,6 +17,7 @@
 enum {
 	WH_PLAN_BASE = 12 * 1024 * 1024,    /* program, libraries, stacks, small allocations */
 	WH_PLAN_REWRITE = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
+	WH_PLAN_ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
 	WH_PLAN_SURVEY_FACES = 16 * 1024    /* a piece of a survey */
 };
 
@@ -73,6 +74,7 @@ typedef enum wh_plan_stage {
 	WH_PLAN_RECUT,
 	WH_PLAN_SETTLE,
 	WH_PLAN_FINAL,
+	WH_PLAN_CHECK,
 	WH_PLAN_EMIT,
 	WH_PLAN_STAGES
 } wh_plan_stage;
@@ -85,8 +87,7 @@ typedef struct wh_plan {
 	bool streams;
 	struct {
 		size_t need;   /* bytes with one worker; 0: the stage does not run */
-		size_t expect; /* bytes touched, with `workers` */
-		int workers;
+		size_t expect; /* bytes touched, with as many workers as fit */
 	} stage[WH_PLAN_STAGES];
 	size_t least;       /* smallest ceiling that does for all stages, bytes */
 	size_t peak_ram;    /* expected peak RSS */

@@ -423,6 +423,26 @@ static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, u
 	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
 }
 
+/* Held all the time, and before the new files are open. */
+static size_t always_bytes(const wh_store *from, uint32_t clusters)
+{
+	return wh_kdtree_bytes(clusters) + 16 * ((size_t)from->clusters + 1) + 4096;
+}
+
+static size_t first_bytes(uint64_t vertices)
+{
+	return larger(sample_size(vertices) * sizeof(wh_kdpoint) +
+	                  3 * (size_t)NEVERS * sizeof(wh_vec3),
+	              wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t));
+}
+
+size_t wh_round_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
+                            uint64_t max_faces, uint64_t vertices)
+{
+	return always_bytes(from, clusters) + hand_bytes(from, clusters, max_vertices, max_faces) +
+	       larger(first_bytes(vertices), wh_dispatch_bytes(clusters, BUFFER_LEAST));
+}
+
 wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget,
                            wh_exec *ex, size_t *buffer, size_t *need)
 {
@@ -430,10 +450,7 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	const size_t hand = hand_bytes(from, clusters, max_v, max_f);
-	const size_t always = wh_kdtree_bytes(clusters) + 16 * ((size_t)from->clusters + 1) + 4096;
-	const size_t first = larger(
-	    sample_size(vertices) * sizeof(wh_kdpoint) + 3 * (size_t)NEVERS * sizeof(wh_vec3),
-	    wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t));
+	const size_t always = always_bytes(from, clusters), first = first_bytes(vertices);
 	const size_t rest = always + larger(first, wh_dispatch_bytes(clusters, BUFFER_LEAST));
 	while (ex->workers > 1 && rest + (size_t)ex->workers * hand > budget)
 		ex->workers--;

@@ -137,6 +137,11 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
+size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
+{
+	return wh_store_scratch_bytes(store, nv, nf) + wh_cluster_bytes(nv, nf);
+}
+
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)
 {
 	sum->faces += one->faces;

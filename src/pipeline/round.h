@@ -29,6 +29,9 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 /* The cost at which a share `keep` of the surveyed vertices is left. */
 double wh_survey_cost(const wh_survey *survey, double keep);
 
+/* Bytes that a worker takes for a cluster of these counts in such a store. */
+size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf);
+
 /* Decimates every cluster of `from` into `to` (spill and generation set by the caller; the rest
  * is filled in). `from` stays. */
 wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
@@ -47,6 +50,11 @@ typedef struct wh_recut_params {
  */
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                        wh_store *to, const wh_recut_params *params, uint64_t *never_free);
+
+/* Bytes that cutting anew takes with one worker and the smallest buffers; `from` needs its layout
+ * and its number of clusters only. */
+size_t wh_round_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
+                            uint64_t max_faces, uint64_t vertices);
 
 /*
  * Makes the most of `budget` bytes for cutting anew into so many clusters: lowers the workers in

@@ -33,7 +33,7 @@
 /* How a whole store is laid out. */
 typedef struct wh_store {
 	wh_spill *spill;
-	uint32_t generation; /* 0 for what ingest writes, then one more for every round */
+	uint32_t generation; /* a fresh number for every store of a run: part of its files' names */
 	uint32_t clusters;
 	uint32_t id_bytes;    /* 4 while all ids are below 2^30 */
 	uint32_t coord_bytes; /* 4: positions are floats */

@@ -10,8 +10,7 @@ wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	const size_t load = wh_store_scratch_bytes(&r->store, max_v, max_f);
-	return wh_run_fit_workers(r, "a cluster", load + wh_cluster_bytes(max_v, max_f), ex);
+	return wh_run_fit_workers(r, "a cluster", wh_round_bytes(&r->store, max_v, max_f), ex);
 }
 
 /* The cost limits of a round that is to keep this share of the faces. */

@@ -88,9 +88,11 @@ double wh_run_share(const wh_run *r)
 	return share;
 }
 
-bool wh_run_nothing_to_do(const wh_run *r)
+bool wh_run_copies(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
+	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
+		return false;
 	return (t->target_faces && t->target_faces >= t->input_faces) ||
 	       (t->target_vertices && t->target_vertices >= t->input_vertices);
 }
@@ -131,6 +133,7 @@ wh_plan_sizes wh_run_sizes(const wh_reduce_params *p)
 void wh_run_note_check(wh_run *r, const wh_check *found)
 {
 	wh_reduce_report *t = r->report;
+	t->checked = true;
 	t->boundary_edges = found->boundary_edges;
 	t->nonmanifold_edges = found->nonmanifold_edges;
 	t->components = found->components;

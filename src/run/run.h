@@ -60,7 +60,8 @@ wh_code wh_run_fit_workers(wh_run *r, const char *what, size_t each, wh_exec *ex
 void wh_run_targets(wh_run *r);
 /* Share of the faces there are now that the targets ask to keep; 0 when no count limits it. */
 double wh_run_share(const wh_run *r);
-bool wh_run_nothing_to_do(const wh_run *r);
+/* True when the input is the result: the target is no smaller, and text is not asked of binary. */
+bool wh_run_copies(const wh_run *r);
 /* Vertices that are left. */
 uint64_t wh_run_vertices(const wh_run *r);
 /* Only the files that ingest wrote hold vertices of no face. */

@@ -13,8 +13,7 @@ static const double TRIAL_MARGIN = 0.92;
 /* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
 static const double TRIAL_RAISE = 64;
 enum {
-	ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
-	PATIENCE = 4,               /* rounds that wait for a partition that frees every vertex */
+	PATIENCE = 4, /* rounds that wait for a partition that frees every vertex */
 	MOST_SETTLINGS = 64
 };
 
@@ -88,7 +87,7 @@ wh_code wh_run_settle(wh_run *r)
 {
 	const bool counted = wh_run_share(r) > 0;
 	for (int i = 0; i < MOST_SETTLINGS; i++) {
-		const bool near = r->recuts >= ROUNDS_BEFORE_SETTLING - 1;
+		const bool near = r->recuts >= WH_PLAN_ROUNDS_BEFORE_SETTLING - 1;
 		if ((i > 0 || r->report->rounds > 0) && wh_run_recut(r, near) != WH_OK)
 			return r->c->err.code;
 		const uint64_t before = r->faces;
@@ -121,9 +120,14 @@ wh_code wh_run_check_clusters(wh_run *r)
 	                       &ex) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
-	const wh_code code = wh_inspect_store(r->c, &ex, &r->progress, &r->store, &found);
+	wh_code code = wh_inspect_store(r->c, &ex, &r->progress, &r->store, &found);
 	if (code == WH_OK)
 		wh_run_note_check(r, &found);
+	if (code ==
+	    WH_E_PLAN) { /* the cuts are too long to be held; the result is none the worse */
+		r->c->err = (wh_error){0};
+		code = WH_OK;
+	}
 	return wh_run_phase_end(r, WH_PHASE_CHECK, code);
 }
 
@@ -133,7 +137,8 @@ wh_code wh_run_emit(wh_run *r, wh_outfile **out)
 	wh_exec ex;
 	wh_reduce_report *t = r->report;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
-	    wh_run_fit_workers(r, "writing a cluster", wh_emit_bytes(max_v, max_f), &ex) != WH_OK)
+	    wh_run_fit_workers(r, "writing a cluster", wh_emit_bytes(&r->store, max_v, max_f),
+	                       &ex) != WH_OK)
 		return r->c->err.code;
 	t->output_vertices = wh_run_vertices(r);
 	t->output_faces = r->faces;
