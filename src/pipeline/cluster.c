@@ -9,7 +9,7 @@
 enum { SAMPLE = 16 * 1024 }; /* points that a cut is worked out from */
 
 /* Fraction of the cells left of a cut: not half, so that these cuts are not the clusters' own. */
-static const double SKEW = 0.47;
+static const double SKEW = 0.45;
 
 struct wh_cluster_work {
 	wh_simplify_work *simplify;

@@ -31,7 +31,7 @@ static const uint64_t FINAL_LEAST = 64ULL * 1024;
 
 double wh_plan_skew(uint32_t cut)
 {
-	static const double skew[] = {0.4, 0.56, 0.45, 0.62, 0.36};
+	static const double skew[] = {0.4, 0.56, 0.43, 0.62, 0.36};
 	return cut == 0 ? 0.5 : skew[(cut - 1) % (sizeof skew / sizeof *skew)];
 }
 
