@@ -8,12 +8,13 @@
 
 static const char help[] =
     "usage: whittle plan IN --faces N | --vertices N | --ratio R | --error E\n"
-    "Says what whittle reduce would take with the same options, without doing it: clusters,\n"
-    "memory, temporary disk, passes, rounds. Reads the header only.\n\n"
+    "Says what whittle reduce would take with the same options, without doing it:\n"
+    "clusters, memory, temporary disk, passes, rounds. Reads the header only.\n\n"
     "  --memory SIZE, --threads N, --cluster-faces N, ...   as for reduce\n"
     "  --json   print JSON instead of a table\n\n"
-    "Leaves with status 5 when reduce would refuse the ceiling; the table then says which\n"
-    "one would do. Without a count of faces or vertices the disk is only a rough guess.\n";
+    "Leaves with status 5 when reduce would refuse the ceiling; the table then says\n"
+    "which one would do. With --error alone nobody knows how much will be left:\n"
+    "rounds, memory and disk are then a rough guess.\n";
 
 static void row_count(const char *what, uint64_t n)
 {
@@ -46,6 +47,8 @@ static void print_table(const wh_plan_report *r)
 	row_count("threads", (uint64_t)r->threads);
 	row_size("memory ceiling", (double)r->memory_ceiling);
 	row_size("smallest ceiling that does", (double)r->memory_least);
+	if (r->target_faces == 0 && r->target_vertices == 0)
+		(void)printf("No count is given: what follows, and the rounds, are guesses.\n");
 	row_size("memory expected", (double)r->peak_rss);
 	row_size("temporary disk expected", (double)r->temp_bytes_peak);
 	if (r->rewritten)

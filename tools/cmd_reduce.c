@@ -21,8 +21,8 @@ static const char help[] =
     "      --error E|P%      how far the surface may move, as estimated, in units of\n"
     "                        the file or per cent of the bounding-box diagonal\n"
     "      --lock-boundary   keep boundary edges exactly\n"
-    "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default: half\n"
-    "                        of the machine's, its control group's or the job's)\n"
+    "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default:\n"
+    "                        half of the machine's, its control group's or the job's)\n"
     "      --threads N       0 (default): all this process may use\n"
     "      --temp-dir DIR    default: $SLURM_TMPDIR, $TMPDIR, beside the output\n"
     "      --ascii           text instead of binary\n"
@@ -31,9 +31,9 @@ static const char help[] =
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
-    "      --cluster-faces N (262144; 0: all in one), --micro-faces N (16384; 0: none)\n"
-    "      --final-faces N   (4 clusters') from which the last pass may be over all at\n"
-    "                        once; above, it goes cluster by cluster\n";
+    "      --cluster-faces N (262144; 0: all one), --micro-faces N (16384; 0: none)\n"
+    "      --final-faces N   (4 clusters') from which the last pass may be over all\n"
+    "                        at once; above, it goes cluster by cluster\n";
 
 static bool is_dash(const char *name)
 {
@@ -106,9 +106,10 @@ static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 	              (unsigned long long)r->input_faces, o->params.output,
 	              (unsigned long long)r->output_faces, (unsigned long long)r->output_vertices);
 	print_notes(f, r);
-	(void)fprintf(f, "%.1f s, %.2f M faces/s, peak memory %.0f MiB, temporary disk %.0f MiB\n",
-	              r->seconds_total, reduce_faces_per_second(r) / 1e6,
-	              (double)cmd_peak_rss() / 1048576.0, (double)r->temp_bytes_peak / 1048576.0);
+	(void)fprintf(
+	    f, "%.1f s, %.2f M faces removed/s, peak memory %.0f MiB, temporary disk %.0f MiB\n",
+	    r->seconds_total, reduce_faces_per_second(r) / 1e6, (double)cmd_peak_rss() / 1048576.0,
+	    (double)r->temp_bytes_peak / 1048576.0);
 	if (!o->verbose)
 		return;
 	for (int i = 0; i < WH_PHASES; i++)

@@ -119,7 +119,7 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		p->lock_boundary = true;
 		break;
 	case OPT_MEMORY:
-		ok = parse_size(arg, true, &n) && n > 0;
+		ok = parse_size(arg, true, &n) && n >= 1 << 20;
 		p->memory = (size_t)n;
 		break;
 	case OPT_THREADS:
@@ -188,7 +188,7 @@ static const char *expected(int opt)
 	case OPT_ERROR:
 		return "a distance above 0, in units of the file or such as 0.01%";
 	case OPT_MEMORY:
-		return "a size such as 512M or 4G";
+		return "a size of 1M or more, such as 512M or 4G";
 	case OPT_THREADS:
 		return "a number from 0 to 1024";
 	case OPT_CLUSTER:

@@ -35,8 +35,8 @@ static void print_help(FILE *f)
 	       "  whittle --version\n\n"
 	       "Numbers take the suffixes K, M and G.\n"
 	       "Exit status: 0 done, 1 failure in the run, 2 wrong usage, 3 bad input,\n"
-	       "4 target not reachable (best mesh written), 5 memory or disk ceiling cannot be\n"
-	       "met, 130 or 143 interrupted.\n");
+	       "4 target not reachable (best mesh written), 5 memory ceiling cannot be met,\n"
+	       "130 or 143 interrupted.\n");
 }
 
 static const command *find_command(const char *name)

@@ -5,7 +5,11 @@
 #include <string.h>
 #include <sys/mman.h>
 
-enum { ALIGN = 64, MAP_FROM = 128 * 1024 };
+enum {
+	ALIGN = 64,
+	MAP_FROM = 128 * 1024,
+	SPARE_MIB = 16 /* of a ceiling, for what the account does not see */
+};
 
 /* Sits in the ALIGN bytes in front of every block. */
 typedef struct head {
@@ -39,10 +43,11 @@ static bool account_take(wh_mem *m, size_t bytes)
 static void *refuse(wh_ctx *c, size_t bytes)
 {
 	const wh_code code = c->mem->limit ? WH_E_PLAN : WH_E_RUN;
+	const size_t held = atomic_load(&c->mem->used);
 	(void)wh_fail(c, code,
-	              "out of memory: %zu more bytes do not fit (%zu held, ceiling %zu); raise "
-	              "--memory or lower --threads",
-	              bytes, (size_t)atomic_load(&c->mem->used), c->mem->limit);
+	              "out of memory: %zu more bytes do not fit (%zu held, %zu allowed); use "
+	              "--memory %zuM or more",
+	              bytes, held, c->mem->limit, ((held + bytes) >> 20) + SPARE_MIB);
 	return NULL;
 }
 

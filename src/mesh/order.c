@@ -116,6 +116,8 @@ size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf)
 
 wh_code wh_patch_order(wh_ctx *c, wh_patch *p)
 {
+	if (p->nv == 0)
+		return WH_OK; /* an empty cell may have no arrays */
 	place *at = wh_alloc(c, p->nv, 2 * sizeof *at);
 	uint32_t *map = wh_alloc(c, (size_t)p->nv + 1, sizeof *map);
 	wh_vec3 *room = wh_alloc(c, p->nv, sizeof *room);

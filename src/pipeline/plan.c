@@ -107,8 +107,9 @@ static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
 static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
 static const double SAVE_BUFFER = 1048576;
+enum { MIB = 1024 * 1024 };
 /* The share that a round keeps at which its borders add a third of what they hold. */
-static const double BORDER_FADES = 0.06;
+static const double BORDER_FADES = 0.108;
 /* Without a count nobody knows what is left: what is assumed of a round, and of all. */
 static const double GUESSED_KEEP = 0.5, GUESSED_LEFT = 0.01;
 /* Vertices that a cluster has besides its own, per square root of its faces. */
@@ -212,7 +213,7 @@ static void round_of(forecast *f, double keep)
 	                      TOUCHED_ROUND * fmin(whole, nf + micro) + SAVE_BUFFER;
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
 	const double border =
-	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-keep / BORDER_FADES);
+	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-pow(keep / BORDER_FADES, 2));
 	const double after = fmin(f->faces * (keep + (f->clusters > 1 ? border : 0)), f->faces);
 	const double next = round_store(f, after);
 	disk(f, next);
@@ -299,6 +300,15 @@ static void last_pass(forecast *f)
 	      f->faces * (TOUCHED_FINAL + 12 + 0.5 * 37));
 }
 
+static void largest_last_pass(forecast *f)
+{
+	const double most =
+	    fmin((double)wh_plan_final_limit(&f->q->sizes), (double)f->q->source.nf);
+	const size_t need = wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most);
+	if (need > f->p->stage[WH_PLAN_FINAL].need)
+		f->p->stage[WH_PLAN_FINAL].need = need;
+}
+
 static void ingest(forecast *f)
 {
 	wh_plan *p = f->p;
@@ -345,11 +355,13 @@ void wh_plan_make(const wh_plan_query *q, wh_plan *p)
 		last_rounds(&f);
 	else
 		last_pass(&f);
+	if (!(q->share > 0)) /* anything may be left, a last pass of the largest size included */
+		largest_last_pass(&f);
 	double most = 0, need = 0;
 	for (int s = 0; s < WH_PLAN_STAGES; s++) {
 		most = fmax(most, (double)p->stage[s].expect);
 		need = fmax(need, (double)p->stage[s].need);
 	}
 	p->peak_ram = (size_t)(most + TOUCHED_BASE);
-	p->least = (size_t)need + WH_PLAN_BASE;
+	p->least = (((size_t)need + WH_PLAN_BASE) / MIB + 2) * MIB;
 }

@@ -7,14 +7,6 @@
 
 wh_code wh_run_stitch(wh_run *r)
 {
-	uint64_t max_v, max_f, faces, vertices;
-	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
-		return r->c->err.code;
-	const size_t load =
-	    wh_store_scratch_bytes(&r->store, max_v, max_f) + wh_patch_bytes(max_v, max_f);
-	const size_t need = load + wh_finish_bytes(vertices, faces);
-	if (need > wh_run_budget(r))
-		return wh_run_too_small(r, "the final pass", need);
 	uint64_t unreferenced;
 	wh_run_phase_begin(r);
 	const wh_code code =

@@ -92,14 +92,16 @@ static wh_plan make_plan(const wh_run *r)
 	return p;
 }
 
-/* Before the work begins: a ceiling that will not do is refused with one that will. */
 wh_code wh_run_refuse_early(wh_run *r)
 {
+	int most = 0;
 	r->plan = make_plan(r);
-	for (int i = 0; i < WH_PLAN_STAGES; i++)
-		if (r->plan.stage[i].need > wh_run_budget(r))
-			return wh_run_too_small(r, wh_plan_stage_name((wh_plan_stage)i), 0);
-	return WH_OK;
+	for (int i = 1; i < WH_PLAN_STAGES; i++)
+		if (r->plan.stage[i].need > r->plan.stage[most].need)
+			most = i;
+	if (r->plan.stage[most].need <= wh_run_budget(r))
+		return WH_OK;
+	return wh_run_too_small(r, wh_plan_stage_name((wh_plan_stage)most), 0);
 }
 
 static wh_code ingest_once(wh_run *r)
@@ -107,6 +109,7 @@ static wh_code ingest_once(wh_run *r)
 	wh_exec ex = r->exec;
 	if (wh_run_refuse_early(r) != WH_OK)
 		return r->c->err.code;
+	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
 	wh_ingest_params p = {.clusters = r->plan.clusters};
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};

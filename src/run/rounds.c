@@ -10,7 +10,8 @@ wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	return wh_run_fit_workers(r, "a cluster", wh_round_bytes(&r->store, max_v, max_f), ex);
+	*ex = wh_run_workers(r, wh_round_bytes(&r->store, max_v, max_f));
+	return WH_OK;
 }
 
 /* The cost limits of a round that is to keep this share of the faces. */
@@ -75,8 +76,6 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 	if (wh_round_recut_fit(r->c, &r->store, next.clusters, wh_run_budget(r), &ex, &p.buffer,
 	                       &need) != WH_OK)
 		return r->c->err.code;
-	if (need > wh_run_budget(r))
-		return wh_run_too_small(r, "cutting anew", need);
 	wh_run_phase_begin(r);
 	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, &p,
 	                                    &r->report->never_free_vertices);

@@ -5,6 +5,9 @@
 
 #include <math.h>
 
+/* Below it smaller clusters are no advice to give. */
+enum { SMALL_CLUSTER = 64 * 1024 };
+
 void wh_run_phase_begin(wh_run *r)
 {
 	r->phase_start = wh_seconds();
@@ -26,24 +29,23 @@ size_t wh_run_budget(const wh_run *r)
 /* A refusal names a ceiling that does for all stages. */
 wh_code wh_run_too_small(wh_run *r, const char *what, size_t need)
 {
-	if (need + WH_PLAN_BASE < r->plan.least)
-		need = r->plan.least - WH_PLAN_BASE;
-	const size_t mib = ((need + WH_PLAN_BASE) >> 20) + 2;
+	const size_t least = ((need + WH_PLAN_BASE) >> 20) + 2, planned = r->plan.least >> 20;
+	const uint64_t each = r->params->cluster_faces;
 	return wh_fail(r->c, WH_E_PLAN,
-	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM", what,
-	               r->memory >> 20, mib);
+	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM%s",
+	               what, r->memory >> 20, least > planned ? least : planned,
+	               each == 0 || each > SMALL_CLUSTER
+	                   ? ", or smaller clusters, such as --cluster-faces 64k"
+	                   : "");
 }
 
-/* As many workers as fit when each takes `each` bytes. */
-wh_code wh_run_fit_workers(wh_run *r, const char *what, size_t each, wh_exec *ex)
+wh_exec wh_run_workers(const wh_run *r, size_t each)
 {
 	const size_t fits = wh_run_budget(r) / each;
-	if (fits == 0)
-		return wh_run_too_small(r, what, each);
-	*ex = r->exec;
-	if ((size_t)ex->workers > fits)
-		ex->workers = (int)fits;
-	return WH_OK;
+	wh_exec ex = r->exec;
+	if ((size_t)ex.workers > fits)
+		ex.workers = fits > 1 ? (int)fits : 1;
+	return ex;
 }
 
 /* ---- targets ------------------------------------------------------------------------------ */

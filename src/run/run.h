@@ -53,8 +53,9 @@ wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code);
 size_t wh_run_budget(const wh_run *r);
 /* A refusal that names a ceiling that does for all stages. */
 wh_code wh_run_too_small(wh_run *r, const char *what, size_t need);
-/* As many workers as fit when each takes `each` bytes; refuses where none does. */
-wh_code wh_run_fit_workers(wh_run *r, const char *what, size_t each, wh_exec *ex);
+/* As many workers as fit when each takes `each` bytes, and one at least: what a stage may come to
+ * hold is an upper bound, and the account refuses what the ceiling really cannot bear. */
+wh_exec wh_run_workers(const wh_run *r, size_t each);
 
 /* Counts of faces and vertices to reach, into the report. */
 void wh_run_targets(wh_run *r);

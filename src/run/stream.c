@@ -114,11 +114,9 @@ wh_code wh_run_check_clusters(wh_run *r)
 {
 	uint64_t max_v, max_f, faces, vertices;
 	wh_check found;
-	wh_exec ex;
-	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
-	    wh_run_fit_workers(r, "checking a cluster", wh_inspect_bytes(&r->store, max_v, max_f),
-	                       &ex) != WH_OK)
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
+	const wh_exec ex = wh_run_workers(r, wh_inspect_bytes(&r->store, max_v, max_f));
 	wh_run_phase_begin(r);
 	wh_code code = wh_inspect_store(r->c, &ex, &r->progress, &r->store, &found);
 	if (code == WH_OK)
@@ -134,12 +132,10 @@ wh_code wh_run_check_clusters(wh_run *r)
 wh_code wh_run_emit(wh_run *r, wh_outfile **out)
 {
 	uint64_t max_v, max_f, faces, vertices;
-	wh_exec ex;
 	wh_reduce_report *t = r->report;
-	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK ||
-	    wh_run_fit_workers(r, "writing a cluster", wh_emit_bytes(&r->store, max_v, max_f),
-	                       &ex) != WH_OK)
+	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
+	const wh_exec ex = wh_run_workers(r, wh_emit_bytes(&r->store, max_v, max_f));
 	t->output_vertices = wh_run_vertices(r);
 	t->output_faces = r->faces;
 	wh_run_phase_begin(r);
