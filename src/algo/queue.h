@@ -1,10 +1,10 @@
 /*
- * queue: candidate collapses in near-increasing order of cost.
+ * queue: vertices in near-increasing order of what their cheapest collapse costs.
  *
  * A bucket queue over the leading bits of the cost: the exponent and five bits of mantissa, so
- * that costs within 3 % share a bucket. Push and pop are O(1); a bucket gives back its latest
- * entry first. Costs below the window share the lowest bucket, costs above it the highest.
- * Entries whose stamp is out of date are the caller's to recognise and drop.
+ * that costs within 3 % share a bucket. A vertex is in it once at most. All is O(1); a bucket gives
+ * back its latest entry first. Costs below the window share the lowest bucket, costs above it the
+ * highest.
  */
 #ifndef WH_ALGO_QUEUE_H
 #define WH_ALGO_QUEUE_H
@@ -19,20 +19,17 @@ enum {
 	WH_QUEUE_BUCKETS = WH_QUEUE_EXPONENTS << WH_QUEUE_MANTISSA
 };
 
-typedef struct wh_candidate {
-	uint32_t u, v;  /* collapse of edge uv; v survives */
-	uint32_t stamp; /* sum of both vertices' generations when it was pushed */
-	uint32_t next;  /* internal: next entry of the bucket */
-} wh_candidate;
+/* Neighbours in the list of a bucket. `last` of its first entry tells the bucket. */
+typedef struct wh_queue_link {
+	uint32_t last, next;
+} wh_queue_link;
 
 typedef struct wh_queue {
-	wh_candidate *entry;
+	wh_queue_link *link; /* one for each vertex */
 	size_t cap;
-	uint32_t used;      /* entries ever handed out */
-	uint32_t free_head; /* list of entries given back */
-	uint32_t size;      /* entries in buckets */
-	uint32_t lowest;    /* no bucket below it holds anything */
-	int64_t key_base;   /* key of bucket 0 */
+	uint32_t size;    /* vertices in buckets */
+	uint32_t lowest;  /* no bucket below it holds anything */
+	int64_t key_base; /* key of bucket 0 */
 	uint32_t head[WH_QUEUE_BUCKETS];
 } wh_queue;
 
@@ -53,18 +50,18 @@ static inline uint32_t wh_queue_bucket(const wh_queue *q, double cost)
 	return k < WH_QUEUE_BUCKETS ? (uint32_t)k : WH_QUEUE_BUCKETS - 1;
 }
 
-/* Empties the queue and sets the top of its window: costs up to `top` are told apart. */
-void wh_queue_reset(wh_queue *q, double top);
+/* Empties the queue, makes room for vertices 0 to n - 1, n < 2^31, and sets the top of its window:
+ * costs up to `top` are told apart. */
+wh_code wh_queue_reset(wh_ctx *c, wh_queue *q, uint32_t n, double top);
 
-/* Adds a candidate. The queue grows by doubling. */
-wh_code wh_queue_push(wh_ctx *c, wh_queue *q, uint32_t bucket, uint32_t u, uint32_t v,
-                      uint32_t stamp);
+/* Puts v into a bucket; it must not be in the queue. */
+void wh_queue_push(wh_queue *q, uint32_t v, uint32_t bucket);
 
-/* Takes a candidate of the lowest bucket. False when the queue is empty. */
-bool wh_queue_pop(wh_queue *q, wh_candidate *out, uint32_t *bucket);
+/* Takes v out, if it is in. */
+void wh_queue_remove(wh_queue *q, uint32_t v);
 
-/* Drops every candidate whose stamp is not generation[u] + generation[v]. */
-void wh_queue_purge(wh_queue *q, const uint32_t *generation);
+/* Takes a vertex of the lowest bucket. False when the queue is empty. */
+bool wh_queue_pop(wh_queue *q, uint32_t *v, uint32_t *bucket);
 
 void wh_queue_free(wh_ctx *c, wh_queue *q);
 

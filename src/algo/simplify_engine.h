@@ -1,10 +1,10 @@
 /*
  * simplify_engine: what the files of the engine share; nobody else includes it.
  *
- *     simplify.c       the queue loop: from candidates to collapses
- *     star.c           face lists and rings: who is around a vertex
- *     collapse_cost.c  sums around a vertex; place and cost of a collapse
- *     collapse_rule.c  what may be collapsed: link condition, turning faces, distance
+ *     simplify.c       the queue loop: from vertices in the queue to collapses
+ *     star.c           stars: the vertices and, in order, who is around them
+ *     fan.c            a star taken out to work on; place and cost of the collapses of its edges
+ *     trial.c          one collapse worked out: link condition, turning faces, distance
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
@@ -12,54 +12,100 @@
 #include "algo/queue.h"
 #include "algo/simplify.h"
 
+enum {
+	WH_RING_INLINE = 16, /* neighbours that a star holds itself: a cache line */
+	/* A vertex with more neighbours than this is locked, and no other is made: else a hub of n
+	 * faces would take time n^2. */
+	WH_MOST_AROUND = 128,
+	WH_LANES = 8
+};
+
 /* What the faces and boundary edges around a vertex add up to. */
 typedef struct wh_vertex_sum {
 	double xx, xy, xz, yy, yz, zz; /* A, boundary terms included */
 	wh_vec3 n;                     /* sum of area vectors */
 } wh_vertex_sum;
 
-/* A neighbour of a vertex, and the faces it shares with it. */
-typedef struct wh_neighbour {
-	uint32_t id;
-	uint32_t outgoing, incoming; /* faces that run vertex -> id, and id -> vertex */
-	uint32_t face[2];            /* the first two of them */
-} wh_neighbour;
+/* A vertex and its neighbours, counter-clockwise: with each and the next one it has a face. An
+ * interior vertex has one with the last and the first, too; a boundary vertex has not. Three cache
+ * lines: costs need the first two, the third is the ring. */
+typedef struct wh_star {
+	wh_vec3 pos;
+	wh_vertex_sum sum;                          /* of a free vertex */
+	uint32_t n;                                 /* neighbours; 0 when it is locked or gone */
+	uint8_t flag;                               /* the patch's */
+	bool closed;                                /* interior */
+	_Alignas(64) uint32_t ring[WH_RING_INLINE]; /* unused ones are WH_NONE; where there are
+	                                               more, ring[0] is their place in the spill */
+} wh_star;
 
-typedef struct wh_ring {
-	wh_neighbour *item;
+/* One number for each neighbour or face; a vector may look at the entry before and after. */
+enum { WH_ROW = WH_MOST_AROUND + 2 * WH_LANES };
+typedef struct wh_row {
+	_Alignas(64) double at[WH_ROW];
+} wh_row;
+
+/* The star of a vertex, the hub, taken out. Positions are relative to the hub. */
+typedef struct wh_fan {
 	uint32_t n;
-	size_t cap;
-} wh_ring;
+	bool closed;
+	uint32_t id[WH_ROW];
+	wh_row x, y, z;    /* neighbour i; after the last of a closed fan the first again */
+	wh_row nx, ny, nz; /* area vectors: i is of the face before neighbour i, i + 1 of the one
+	                      after it; 0 where there is none */
+	/* the neighbours' sums */
+	wh_row xx, xy, xz, yy, yz, zz, mx, my, mz;
+	wh_row rim;    /* 1 on a boundary edge, else 0 */
+	wh_row locked; /* 1 where the neighbour is locked, else 0 */
+	wh_row bar;    /* added to the cost: infinite where an edge may not be collapsed */
+	/* results: new place, cost, weight of the faces */
+	wh_row to_x, to_y, to_z, cost, weight;
+} wh_fan;
 
-enum { WH_LANES = 8 };
+/* The collapse of an edge of a fan, worked out: the neighbours of the new vertex, counter-clockwise
+ * and relative to the hub. Each face around the new vertex was a face of one of the ends before. */
+typedef struct wh_trial {
+	uint32_t u, v;    /* u goes, v stays; the hub is one of them */
+	wh_vec3 edge;     /* from the hub to the other end */
+	wh_vec3 to;       /* from the hub to the new place */
+	wh_vec3 x;        /* the new place itself */
+	bool into_locked; /* v is locked; else the hub is v */
+	double cost, weight;
+	uint32_t nshared; /* faces on uv: 1 or 2 */
+	uint32_t apex[2]; /* their third corners */
+	wh_vec3 lost[2];  /* their area vectors */
+	uint32_t n, faces;
+	bool closed;
+	uint32_t id[WH_ROW];
+	wh_row theirs;           /* 1 where face i was the other end's, 0 where it was the hub's */
+	wh_row x_of, y_of, z_of; /* neighbours, as in a fan */
+	wh_row ox, oy, oz;       /* area vectors as they were; placed as in a fan */
+	wh_row bad;              /* 1 where face i turns too much */
+	wh_row gain[9];          /* what the sum of neighbour i gains */
+} wh_trial;
 
-/* Evaluations side by side: edges from one vertex, the hub, to others (collapse_cost.c). */
-typedef struct wh_lanes {
-	double ex[WH_LANES], ey[WH_LANES], ez[WH_LANES]; /* edge: from the hub to the other end */
-	double xx[WH_LANES], xy[WH_LANES], xz[WH_LANES]; /* the other end's sums */
-	double yy[WH_LANES], yz[WH_LANES], zz[WH_LANES];
-	double nx[WH_LANES], ny[WH_LANES], nz[WH_LANES];
-	double px[WH_LANES], py[WH_LANES], pz[WH_LANES]; /* area vectors of the shared faces, */
-	double qx[WH_LANES], qy[WH_LANES], qz[WH_LANES]; /* the second 0 on the boundary */
-	double rim[WH_LANES];                            /* 1 on the boundary, else 0 */
-	/* results: new place relative to the hub, cost, weight of the faces */
-	double to_x[WH_LANES], to_y[WH_LANES], to_z[WH_LANES];
-	double cost[WH_LANES], weight[WH_LANES];
-} wh_lanes;
+/* The place of a vertex among the pairs around another, while stars are built. */
+typedef struct wh_mark {
+	uint32_t tick;
+	uint16_t first, second;
+} wh_mark;
+
+enum { WH_SPILL_CLASSES = 3 }; /* rings of up to 32, 64, 128 */
 
 struct wh_simplify_work {
 	wh_queue queue;
-	wh_lanes lanes;                       /* unused lanes hold what they held before */
-	uint32_t *first, *count, *generation; /* per vertex */
-	wh_vertex_sum *sum;
-	uint64_t *mark; /* tick << 32 | index in the ring being gathered */
-	size_t cap_v;
-	wh_vec3 *normal; /* per face */
-	size_t cap_f;
-	uint32_t *pool;
-	size_t pool_cap, pool_used;
-	wh_ring ring_u, ring_v, ring_w;
+	wh_star *star;
+	wh_mark *mark;
+	uint32_t *first; /* per vertex: its faces in `corner`, while stars are built */
+	size_t cap_star, cap_mark, cap_first;
+	uint32_t *corner;
+	size_t cap_corner;
+	uint32_t *spill; /* rings that are too long for their stars */
+	size_t spill_cap, spill_used;
+	uint32_t spill_free[WH_SPILL_CLASSES];
 	uint32_t tick;
+	wh_fan fan, next;
+	wh_trial trial;
 };
 
 /* One run. */
@@ -70,120 +116,80 @@ typedef struct wh_engine {
 	const wh_simplify_params *params;
 	wh_simplify_result *result;
 	uint32_t faces, vertices; /* alive */
+	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
 	double highest_weight;    /* of the faces of the collapse with the highest cost */
 } wh_engine;
 
-/* A collapse worked out: u goes, v moves to x. */
-typedef struct wh_collapse {
-	uint32_t u, v;
-	uint32_t shared[2]; /* faces on uv */
-	uint32_t nshared;
-	wh_vec3 x;
-	double cost, weight;
-} wh_collapse;
-
-/* ---- faces and edges ---------------------------------------------------------------------- */
-
-static inline wh_vec3 area_vector(wh_vec3 a, wh_vec3 b, wh_vec3 d)
-{
-	return wh_cross(wh_sub(b, a), wh_sub(d, a));
-}
-
-static inline wh_vec3 face_normal(const wh_patch *p, uint32_t f)
-{
-	const uint32_t *t = &p->tri[3 * (size_t)f];
-	return area_vector(p->pos[t[0]], p->pos[t[1]], p->pos[t[2]]);
-}
-
-/* The two corners of f after v, in the face's direction. Which corner v is follows no pattern, so
- * nothing here is left to be predicted: two bits in each of two small tables tell the others. */
-static inline void face_others(const wh_patch *p, uint32_t f, uint32_t v, uint32_t *a, uint32_t *b)
-{
-	enum { NEXT = 1 | 2 << 2 | 0 << 4, LAST = 2 | 0 << 2 | 1 << 4 };
-	const uint32_t *t = &p->tri[3 * (size_t)f];
-	const unsigned shift = (unsigned)(t[1] == v) * 2 + (unsigned)(t[2] == v) * 4;
-	*a = t[(unsigned)NEXT >> shift & 3];
-	*b = t[(unsigned)LAST >> shift & 3];
-}
-
-static inline uint32_t faces_on(const wh_neighbour *b)
-{
-	return b->outgoing + b->incoming;
-}
-
-static inline bool on_boundary(const wh_neighbour *b)
-{
-	return faces_on(b) == 1;
-}
-
-static inline bool ring_has_boundary(const wh_ring *r)
-{
-	for (uint32_t i = 0; i < r->n; i++)
-		if (on_boundary(&r->item[i]))
-			return true;
-	return false;
-}
-
-static inline bool is_shared(const wh_collapse *k, uint32_t f)
-{
-	return f == k->shared[0] || (k->nshared == 2 && f == k->shared[1]);
-}
-
-static inline uint32_t apex_of(const wh_engine *e, const wh_collapse *k, uint32_t f)
-{
-	const uint32_t *t = &e->p->tri[3 * (size_t)f];
-	for (int i = 0; i < 3; i++)
-		if (t[i] != k->u && t[i] != k->v)
-			return t[i];
-	return WH_NONE;
-}
+/* Work that is the same for all lanes: the compiler makes vectors of it. Every lane does the same
+ * operations in the same order whatever the vector length, so the bits are the same on every
+ * instruction set. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(WH_SANITIZED)
+#define WH_VECTOR_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define WH_VECTOR_CLONES
+#endif
 
 /* ---- star.c ------------------------------------------------------------------------------- */
 
-/* Lists the faces of each vertex. */
-void wh_lists_build(wh_engine *e);
+/* Makes the stars of the patch: finds boundary vertices, and fixes those that are not manifold.
+ * Faces between locked vertices become the first ones of p->tri. */
+wh_code wh_stars_build(wh_engine *e);
 
-/* The neighbours of v, with the faces that join them. Marks them in the workspace. */
-wh_code wh_gather(wh_engine *e, uint32_t v, wh_ring *r);
+/* The faces and vertices that are left, back into the patch. */
+void wh_stars_unbuild(wh_engine *e);
 
-/* v's list becomes its own faces and u's, without the shared ones. */
-wh_code wh_lists_join(wh_engine *e, const wh_collapse *k);
+static inline const uint32_t *wh_ring(const wh_engine *e, uint32_t v)
+{
+	const wh_star *s = &e->w->star[v];
+	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
+}
 
-/* Takes the shared faces off the mesh. */
-void wh_faces_drop(wh_engine *e, const wh_collapse *k);
+/* v's ring becomes these n neighbours, at most WH_MOST_AROUND. */
+wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n);
 
-/* The faces that were u's become v's; area vectors follow. */
-void wh_faces_move(wh_engine *e, const wh_collapse *k);
+/* Takes a neighbour out of v's ring. */
+wh_code wh_ring_remove(wh_engine *e, uint32_t v, uint32_t id);
 
-/* ---- collapse_cost.c ---------------------------------------------------------------------- */
+/* Puts a neighbour in the place of another. */
+void wh_ring_replace(wh_engine *e, uint32_t v, uint32_t id, uint32_t by);
 
-/* Sums of a free vertex from its faces; r, its ring, may be NULL when it is not on the boundary. */
-void wh_sum_renew(wh_engine *e, uint32_t v, const wh_ring *r);
+static inline bool wh_is_locked(const wh_engine *e, uint32_t v)
+{
+	return e->w->star[v].flag & WH_LOCKED;
+}
 
-/* The same for any free vertex; gathers the ring itself when it is needed. */
-wh_code wh_sum_renew_any(wh_engine *e, uint32_t v);
+/* ---- fan.c -------------------------------------------------------------------------------- */
 
-/* Place and cost of the collapse of k's edge, whose shared faces are known. v is the locked end
- * when there is one. */
-void wh_collapse_evaluate(wh_engine *e, wh_collapse *k);
+/* Takes the star of the free vertex v out, with the sums of its neighbours. */
+void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f);
 
-/* The same for up to WH_LANES edges at the free vertex v, the hub, with free other ends u: set each
- * lane, evaluate, read each lane. */
-void wh_lanes_set(const wh_engine *e, wh_lanes *l, int lane, const wh_collapse *k);
-void wh_lanes_evaluate(wh_lanes *l, const wh_vertex_sum *hub);
-void wh_lanes_get(const wh_engine *e, const wh_lanes *l, int lane, wh_collapse *k);
+/* Sets all that belongs to neighbour i but its position, and whether the edge may be collapsed;
+ * hub is the star of the fan. */
+void wh_fan_note(const wh_engine *e, wh_fan *f, uint32_t i, const wh_star *hub);
 
-/* ---- collapse_rule.c ---------------------------------------------------------------------- */
+/* Place and cost of the collapse of each edge. */
+void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub);
 
-/* The link condition, with all boundary loops closed by an imaginary vertex: the links of u and
- * v meet in the link of uv and nowhere else. Leaves both rings gathered. */
-wh_code wh_link_condition(wh_engine *e, const wh_collapse *k, bool *ok);
+/* The sum of the hub, from the fan's faces and, in an open fan, its two boundary edges. */
+void wh_fan_sum(const wh_fan *f, wh_vertex_sum *s);
 
-/* True when no face around `moving` but the shared ones turns too much at x. */
-bool wh_faces_stay_sound(const wh_engine *e, const wh_collapse *k, uint32_t moving);
+/* The sum of the free vertex v, from its faces. */
+void wh_sum_renew(wh_engine *e, uint32_t v);
 
-/* Estimate of the distance between the original surface and the one after the collapse. Needs
- * both rings gathered. */
-double wh_accumulated(const wh_engine *e, const wh_collapse *k);
+/* ---- trial.c ------------------------------------------------------------------------------ */
+
+/* Works out the collapse of the fan's edge i: its new place and its neighbours. False when the link
+ * condition forbids it. */
+bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i, wh_trial *t);
+
+/* True when no face turns too much. `next` becomes the fan of the new vertex: positions and
+ * area vectors. */
+bool wh_trial_sound(const wh_engine *e, wh_trial *t, wh_fan *next);
+
+/* Estimate of the distance between the original surface and the one after the collapse. */
+double wh_trial_distance(const wh_engine *e, const wh_trial *t);
+
+/* Makes it so: rings, positions and sums; the new vertex's fan is completed when it is free. */
+wh_code wh_trial_commit(wh_engine *e, wh_trial *t, wh_fan *next);
 
 #endif

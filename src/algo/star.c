@@ -1,7 +1,11 @@
 /*
- * Who is around a vertex. The faces of a vertex stand one behind the other in a pool; a list that
- * grows moves to the pool's end, and a full pool is compacted. Rings are gathered when needed, in
- * time proportional to the number of faces, with marks that need no clearing.
+ * Stars. A free vertex knows its neighbours in order, and with them its faces: no list of faces is
+ * kept while collapses are done. Locked vertices need no star: what is around them is known to
+ * their free neighbours, and faces between locked vertices stay as they are.
+ *
+ * A star is made from the faces around a vertex, each a step from one neighbour to the next. When
+ * the steps form one path or one cycle through all neighbours, the vertex is manifold, and the path
+ * is its ring; else it is fixed.
  */
 #include "algo/simplify_engine.h"
 
@@ -9,162 +13,309 @@
 
 /* ---- rings -------------------------------------------------------------------------------- */
 
-static wh_neighbour *ring_entry(wh_engine *e, wh_ring *r, uint32_t id)
+/* 0: in the star; else one more than the class of the spill. */
+static uint32_t ring_class(uint32_t n)
 {
-	wh_simplify_work *w = e->w;
-	if (w->mark[id] >> 32 == w->tick)
-		return &r->item[(uint32_t)w->mark[id]];
-	if (r->n == r->cap &&
-	    wh_reserve(e->c, &r->item, &r->cap, (size_t)r->n + 1, sizeof *r->item) != WH_OK)
-		return NULL;
-	w->mark[id] = (uint64_t)w->tick << 32 | r->n;
-	wh_neighbour *b = &r->item[r->n++];
-	*b = (wh_neighbour){.id = id, .face = {WH_NONE, WH_NONE}};
-	return b;
+	return n <= WH_RING_INLINE       ? 0
+	       : n <= 2 * WH_RING_INLINE ? 1
+	       : n <= 4 * WH_RING_INLINE ? 2
+	                                 : 3;
 }
 
-static void neighbour_add_face(wh_neighbour *b, uint32_t f)
+static uint32_t class_room(uint32_t class)
 {
-	if (b->face[0] == WH_NONE)
-		b->face[0] = f;
-	else if (b->face[1] == WH_NONE)
-		b->face[1] = f;
+	return (uint32_t)WH_RING_INLINE << class;
 }
 
-/* A new tick makes all marks old. */
-static void next_tick(wh_engine *e)
+static wh_code spill_take(wh_engine *e, uint32_t class, uint32_t *at)
 {
-	wh_simplify_work *w = e->w;
-	if (++w->tick == 0) {
-		memset(w->mark, 0, w->cap_v * sizeof *w->mark);
-		w->tick = 1;
+	struct wh_simplify_work *w = e->w;
+	uint32_t *free_head = &w->spill_free[class - 1];
+	if (*free_head != WH_NONE) {
+		*at = *free_head;
+		*free_head = w->spill[*at];
+		return WH_OK;
 	}
-}
-
-/* The neighbours of v, with the faces that join them. */
-wh_code wh_gather(wh_engine *e, uint32_t v, wh_ring *r)
-{
-	const wh_simplify_work *w = e->w;
-	next_tick(e);
-	r->n = 0;
-	for (uint32_t i = 0; i < w->count[v]; i++) {
-		const uint32_t f = w->pool[w->first[v] + i];
-		uint32_t a, b;
-		face_others(e->p, f, v, &a, &b);
-		wh_neighbour *to = ring_entry(e, r, a);
-		if (!to)
-			return e->c->err.code;
-		to->outgoing++;
-		neighbour_add_face(to, f);
-		wh_neighbour *from = ring_entry(e, r, b);
-		if (!from)
-			return e->c->err.code;
-		from->incoming++;
-		neighbour_add_face(from, f);
-	}
+	const size_t end = w->spill_used + class_room(class);
+	if (wh_reserve(e->c, &w->spill, &w->spill_cap, end, sizeof *w->spill) != WH_OK)
+		return e->c->err.code;
+	*at = (uint32_t)w->spill_used;
+	w->spill_used = end;
 	return WH_OK;
 }
 
-/* ---- lists -------------------------------------------------------------------------------- */
-
-void wh_lists_build(wh_engine *e)
+static void spill_give(struct wh_simplify_work *w, uint32_t class, uint32_t at)
 {
-	wh_simplify_work *w = e->w;
-	const wh_patch *p = e->p;
-	memset(w->count, 0, p->nv * sizeof *w->count);
-	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		w->count[p->tri[i]]++;
-	uint32_t at = 0;
-	for (uint32_t v = 0; v < p->nv; v++) {
-		w->first[v] = at;
-		at += w->count[v];
-		w->count[v] = 0;
-	}
-	for (uint32_t f = 0; f < p->nf; f++)
-		for (int k = 0; k < 3; k++) {
-			const uint32_t v = p->tri[3 * (size_t)f + (size_t)k];
-			w->pool[w->first[v] + w->count[v]++] = f;
-		}
-	w->pool_used = 3 * (size_t)p->nf;
+	w->spill[at] = w->spill_free[class - 1];
+	w->spill_free[class - 1] = at;
 }
 
-static void list_remove(wh_simplify_work *w, uint32_t v, uint32_t f)
+wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n)
 {
-	uint32_t *list = &w->pool[w->first[v]];
-	const uint32_t n = w->count[v];
-	uint32_t i = 0;
-	while (i < n && list[i] != f)
+	wh_star *s = &e->w->star[v];
+	const uint32_t was = ring_class(s->n), class = ring_class(n);
+	uint32_t at = s->ring[0];
+	if (class != was) {
+		if (was)
+			spill_give(e->w, was, at);
+		if (class && spill_take(e, class, &at) != WH_OK)
+			return e->c->err.code;
+	}
+	s->n = n;
+	if (class) {
+		s->ring[0] = at;
+		memcpy(&e->w->spill[at], id, n * sizeof *id);
+		return WH_OK;
+	}
+	for (uint32_t i = 0; i < WH_RING_INLINE; i++)
+		s->ring[i] = i < n ? id[i] : WH_NONE;
+	return WH_OK;
+}
+
+static uint32_t *ring_of(wh_engine *e, uint32_t v)
+{
+	wh_star *s = &e->w->star[v];
+	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
+}
+
+wh_code wh_ring_remove(wh_engine *e, uint32_t v, uint32_t id)
+{
+	wh_star *s = &e->w->star[v];
+	uint32_t *r = ring_of(e, v), i = 0;
+	while (r[i] != id)
 		i++;
-	for (; i + 1 < n; i++)
-		list[i] = list[i + 1];
-	if (n > 0)
-		w->count[v] = n - 1;
-}
-
-/* Moves all lists to the front of the pool, in the order in which they lie. */
-static wh_code pool_compact(wh_engine *e)
-{
-	wh_simplify_work *w = e->w;
-	uint32_t *fresh = wh_alloc(e->c, w->pool_cap, sizeof *fresh);
-	if (!fresh)
-		return e->c->err.code;
-	size_t at = 0;
-	for (uint32_t v = 0; v < e->p->nv; v++) {
-		memcpy(&fresh[at], &w->pool[w->first[v]], w->count[v] * sizeof *fresh);
-		w->first[v] = (uint32_t)at;
-		at += w->count[v];
+	memmove(&r[i], &r[i + 1], (s->n - i - 1) * sizeof *r);
+	if (ring_class(s->n - 1) != ring_class(s->n)) {
+		uint32_t copy[WH_MOST_AROUND];
+		memcpy(copy, r, (s->n - 1) * sizeof *r);
+		return wh_ring_set(e, v, copy, s->n - 1);
 	}
-	wh_free(e->c, w->pool);
-	w->pool = fresh;
-	w->pool_used = at;
+	s->n--;
+	if (s->n < WH_RING_INLINE)
+		r[s->n] = WH_NONE;
 	return WH_OK;
 }
 
-/* v's list becomes its own faces and u's, without the shared ones. */
-wh_code wh_lists_join(wh_engine *e, const wh_collapse *k)
+void wh_ring_replace(wh_engine *e, uint32_t v, uint32_t id, uint32_t by)
 {
-	wh_simplify_work *w = e->w;
-	const size_t need = (size_t)w->count[k->u] + w->count[k->v];
-	if (w->pool_used + need > w->pool_cap && pool_compact(e) != WH_OK)
-		return e->c->err.code;
-	if (w->pool_used + need > w->pool_cap)
-		return wh_fail(e->c, WH_E_RUN, "internal error: face lists do not fit");
-	uint32_t *list = &w->pool[w->pool_used];
-	uint32_t n = 0;
-	const uint32_t ends[2] = {k->v, k->u};
-	for (int j = 0; j < 2; j++)
-		for (uint32_t i = 0; i < w->count[ends[j]]; i++) {
-			const uint32_t f = w->pool[w->first[ends[j]] + i];
-			if (!is_shared(k, f))
-				list[n++] = f;
+	const wh_star *s = &e->w->star[v];
+	uint32_t *r = ring_of(e, v);
+	const uint32_t n = s->n <= WH_RING_INLINE ? WH_RING_INLINE : s->n;
+	for (uint32_t i = 0; i < n; i++)
+		r[i] = r[i] == id ? by : r[i];
+}
+
+/* ---- building ----------------------------------------------------------------------------- */
+
+/* The two corners of f after v, in the face's direction. Which corner v is follows no pattern, so
+ * nothing here is left to be predicted: two bits in each of two small tables tell the others. */
+static inline void face_others(const uint32_t *t, uint32_t v, uint32_t *a, uint32_t *b)
+{
+	enum { NEXT = 1 | 2 << 2 | 0 << 4, LAST = 2 | 0 << 2 | 1 << 4 };
+	const unsigned shift = (unsigned)(t[1] == v) * 2 + (unsigned)(t[2] == v) * 4;
+	*a = t[(unsigned)NEXT >> shift & 3];
+	*b = t[(unsigned)LAST >> shift & 3];
+}
+
+/* Lists the faces of each vertex: corner[first[v]] to corner[first[v + 1]]. */
+static void list_faces(wh_engine *e)
+{
+	struct wh_simplify_work *w = e->w;
+	const wh_patch *p = e->p;
+	memset(w->first, 0, ((size_t)p->nv + 2) * sizeof *w->first);
+	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
+		w->first[p->tri[i] + 2]++;
+	for (uint32_t v = 0; v < p->nv; v++)
+		w->first[v + 2] += w->first[v + 1];
+	for (uint32_t f = 0; f < p->nf; f++) /* first[v + 1] runs from v's begin to its end */
+		for (int k = 0; k < 3; k++)
+			w->corner[w->first[p->tri[3 * (size_t)f + (size_t)k] + 1]++] = f;
+}
+
+/* The steps around a vertex: from neighbour a[i] to b[i]. */
+typedef struct steps {
+	uint32_t n, a[WH_MOST_AROUND], b[WH_MOST_AROUND];
+	uint32_t ring[WH_MOST_AROUND + 1];
+} steps;
+
+enum { NO_STEP = UINT16_MAX };
+
+static wh_mark *mark_of(struct wh_simplify_work *w, uint32_t id)
+{
+	wh_mark *m = &w->mark[id];
+	if (m->tick != w->tick)
+		*m = (wh_mark){w->tick, NO_STEP, NO_STEP};
+	return m;
+}
+
+/* Marks which step starts and which ends at each neighbour. False when two do. */
+static bool mark_steps(struct wh_simplify_work *w, const steps *s)
+{
+	bool single = true;
+	w->tick++;
+	for (uint32_t i = 0; i < s->n; i++) {
+		wh_mark *a = mark_of(w, s->a[i]);
+		single = single && a->first == NO_STEP;
+		a->first = (uint16_t)i;
+		wh_mark *b = mark_of(w, s->b[i]);
+		single = single && b->second == NO_STEP;
+		b->second = (uint16_t)i;
+	}
+	return single;
+}
+
+/* Follows the steps from step i; with each neighbour in at most two of them, a walk through all
+ * is one path or one cycle. Returns the number of neighbours, 0 when steps are left over. */
+static uint32_t walk(struct wh_simplify_work *w, steps *s, uint32_t i, bool closed)
+{
+	for (uint32_t k = 0;; k++) {
+		s->ring[k] = s->a[i];
+		const uint32_t next = w->mark[s->b[i]].first;
+		if (k + 1 == s->n) {
+			if (!closed)
+				s->ring[k + 1] = s->b[i];
+			return closed ? s->n : s->n + 1;
 		}
-	w->first[k->v] = (uint32_t)w->pool_used;
-	w->count[k->v] = n;
-	w->count[k->u] = 0;
-	w->pool_used += n;
+		if (next == NO_STEP || s->a[next] == s->ring[0])
+			return 0;
+		i = next;
+	}
+}
+
+/* Finds what kind of vertex v is, and its ring when it is free. The marks of two faces on the same
+ * three vertices make a cycle of two: not manifold either. */
+static wh_code classify(wh_engine *e, uint32_t v)
+{
+	struct wh_simplify_work *w = e->w;
+	wh_star *star = &w->star[v];
+	const uint32_t *face = &w->corner[w->first[v]];
+	steps s;
+	s.n = w->first[v + 1] - w->first[v];
+	if (s.n >= WH_MOST_AROUND) {
+		star->flag |= WH_HUB;
+		return WH_OK;
+	}
+	for (uint32_t i = 0; i < s.n; i++)
+		face_others(&e->p->tri[3 * (size_t)face[i]], v, &s.a[i], &s.b[i]);
+	const bool single = mark_steps(w, &s);
+	uint32_t starts = 0, ends = 0, start = 0;
+	for (uint32_t i = 0; i < s.n; i++) {
+		ends += w->mark[s.b[i]].first == NO_STEP;
+		if (w->mark[s.a[i]].second != NO_STEP)
+			continue;
+		starts++;
+		start = i;
+	}
+	if (starts + ends) {
+		star->flag |= WH_BORDER;
+		e->result->border++;
+	}
+	const uint32_t n = single && starts < 2 && s.n ? walk(w, &s, start, starts == 0) : 0;
+	if (s.n && (n == 0 || (starts == 0 && n < 3))) {
+		e->result->fixed += !(star->flag & WH_FIXED);
+		star->flag |= WH_FIXED;
+	}
+	if ((star->flag & WH_BORDER) && e->params->lock_boundary)
+		star->flag |= WH_FIXED;
+	if (star->flag & WH_LOCKED)
+		return WH_OK;
+	star->closed = starts == 0;
+	return wh_ring_set(e, v, s.ring, n);
+}
+
+static bool all_locked(const wh_engine *e, const uint32_t *t)
+{
+	return wh_is_locked(e, t[0]) && wh_is_locked(e, t[1]) && wh_is_locked(e, t[2]);
+}
+
+/* Faces between locked vertices come first, in their order. */
+static void keep_still(wh_engine *e)
+{
+	wh_patch *p = e->p;
+	e->still = 0;
+	for (uint32_t f = 0; f < p->nf; f++) {
+		const uint32_t *t = &p->tri[3 * (size_t)f];
+		if (all_locked(e, t))
+			memmove(&p->tri[3 * (size_t)e->still++], t, 3 * sizeof *t);
+	}
+}
+
+static wh_code make_room(wh_engine *e)
+{
+	struct wh_simplify_work *w = e->w;
+	const wh_patch *p = e->p;
+	if ((p->nv > w->cap_star &&
+	     wh_renew(e->c, &w->star, &w->cap_star, p->nv, sizeof *w->star) != WH_OK) ||
+	    (p->nv > w->cap_mark &&
+	     wh_renew(e->c, &w->mark, &w->cap_mark, p->nv, sizeof *w->mark) != WH_OK) ||
+	    ((size_t)p->nv + 2 > w->cap_first &&
+	     wh_renew(e->c, &w->first, &w->cap_first, (size_t)p->nv + 2, sizeof *w->first) !=
+	         WH_OK) ||
+	    (3 * (size_t)p->nf > w->cap_corner &&
+	     wh_renew(e->c, &w->corner, &w->cap_corner, 3 * (size_t)p->nf, sizeof *w->corner) !=
+	         WH_OK))
+		return e->c->err.code;
 	return WH_OK;
 }
 
-void wh_faces_drop(wh_engine *e, const wh_collapse *k)
+wh_code wh_stars_build(wh_engine *e)
 {
-	for (uint32_t i = 0; i < k->nshared; i++) {
-		const uint32_t f = k->shared[i];
-		list_remove(e->w, apex_of(e, k, f), f);
-		e->p->tri[3 * (size_t)f] = WH_NONE;
+	struct wh_simplify_work *w = e->w;
+	const wh_patch *p = e->p;
+	if (make_room(e) != WH_OK)
+		return e->c->err.code;
+	memset(w->mark, 0, p->nv * sizeof *w->mark);
+	w->tick = 0;
+	w->spill_used = 0;
+	for (int i = 0; i < WH_SPILL_CLASSES; i++)
+		w->spill_free[i] = WH_NONE;
+	list_faces(e);
+	for (uint32_t v = 0; v < p->nv; v++) {
+		wh_star *s = &w->star[v];
+		s->pos = p->pos[v];
+		s->flag = p->flag[v] & (uint8_t) ~(WH_BORDER | WH_HUB);
+		s->n = 0;
+		s->sum = (wh_vertex_sum){0};
+		if (wh_poll_at(e->c, v) != WH_OK ||
+		    (!(s->flag & WH_CUT) && classify(e, v) != WH_OK))
+			return e->c->err.code;
 	}
-	e->faces -= k->nshared;
-	e->vertices--;
+	keep_still(e);
+	for (uint32_t v = 0; v < p->nv; v++)
+		if (w->star[v].n)
+			wh_sum_renew(e, v);
+	return WH_OK;
 }
 
-void wh_faces_move(wh_engine *e, const wh_collapse *k)
+/* ---- and back ----------------------------------------------------------------------------- */
+
+/* A face is written by the first of its free vertices. */
+static uint32_t *write_faces(const wh_engine *e, uint32_t v, uint32_t *to)
 {
-	const wh_simplify_work *w = e->w;
-	for (uint32_t i = 0; i < w->count[k->v]; i++) {
-		const uint32_t f = w->pool[w->first[k->v] + i];
-		uint32_t *t = &e->p->tri[3 * (size_t)f];
-		for (int j = 0; j < 3; j++)
-			if (t[j] == k->u)
-				t[j] = k->v;
-		w->normal[f] = face_normal(e->p, f);
+	const wh_star *s = &e->w->star[v];
+	const uint32_t *r = wh_ring(e, v), faces = s->n - !s->closed;
+	for (uint32_t i = 0; i < faces; i++) {
+		const uint32_t a = r[i], b = r[i + 1 < s->n ? i + 1 : 0];
+		if ((a < v && !wh_is_locked(e, a)) || (b < v && !wh_is_locked(e, b)))
+			continue;
+		*to++ = v;
+		*to++ = a;
+		*to++ = b;
 	}
+	return to;
+}
+
+void wh_stars_unbuild(wh_engine *e)
+{
+	wh_patch *p = e->p;
+	uint32_t *to = &p->tri[3 * (size_t)e->still];
+	for (uint32_t v = 0; v < p->nv; v++) {
+		const wh_star *s = &e->w->star[v];
+		p->pos[v] = s->pos;
+		p->flag[v] = s->flag;
+		if (s->n)
+			to = write_faces(e, v, to);
+	}
+	p->nf = (uint32_t)((size_t)(to - p->tri) / 3);
+	(void)wh_patch_compact(p, e->w->first);
 }

@@ -1,0 +1,518 @@
+/*
+ * One collapse, worked out on a copy of both stars before anything is changed.
+ *
+ * The ring of the new vertex is one ring with the other one's faces put in the place of the edge.
+ * The link condition (Dey, Edelsbrunner, Guha, Nekhayev 1999) says that the links of u and v meet
+ * in the link of uv and nowhere else: that is, no vertex is in that ring twice. With boundary loops
+ * closed by an imaginary vertex, an inner edge must not join two boundary vertices, either. Each
+ * face that stays has one old corner and one new; comparing the two tells whether it turns too much
+ * and what the sums around it gain.
+ *
+ * Geometry: how far faces turn and, with an error limit, how far the surface moves.
+ */
+#include "algo/simplify_engine.h"
+
+#include "base/real.h"
+#include "geom/tri.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A face may turn by at most acos of this in one collapse. There is no rule against thin faces:
+ * scans are full of them, and collapses that pass through them are needed (refusing to thin a
+ * face below 2 area / sum of squared edges = 0.02 stopped a dragon at eight times its count).
+ * Against turning over in several steps a face may not pass to the other side of the mean direction
+ * around the edge. */
+static const double MIN_COSINE = 0.2;
+/* Longest step of new positions / length of the collapsed edge, both as powers of two. */
+static const double STEP_MOST = 0x1p-8;
+/* A sum that falls below this share of itself is summed afresh: rounding errors stay behind when
+ * large terms go. */
+static const double SUM_LOSS = 0x1p-20;
+
+/* ---- the ring of the new vertex ----------------------------------------------------------- */
+
+/* One of the two ends: its ring, and the place of the other end in it. */
+typedef struct side {
+	const uint32_t *ring;
+	uint32_t n, at;
+	bool closed, hub;
+} side;
+
+static uint32_t find(const uint32_t *ring, uint32_t id)
+{
+	uint32_t i = 0;
+	while (ring[i] != id)
+		i++;
+	return i;
+}
+
+/* Appends `count` neighbours of a side, from place `from` on, going round. */
+static void append(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const side *s, uint32_t from,
+                   uint32_t count, wh_trial *t)
+{
+	uint32_t k = from;
+	for (uint32_t i = 0; i < count; i++, k++) {
+		k = k >= s->n ? k - s->n : k;
+		const uint32_t j = t->n++;
+		t->id[j] = s->ring[k];
+		if (s->hub) {
+			t->x_of.at[j] = f->x.at[k];
+			t->y_of.at[j] = f->y.at[k];
+			t->z_of.at[j] = f->z.at[k];
+			continue;
+		}
+		const wh_vec3 d = wh_sub(e->w->star[s->ring[k]].pos, hub);
+		t->x_of.at[j] = d.x;
+		t->y_of.at[j] = d.y;
+		t->z_of.at[j] = d.z;
+	}
+}
+
+/* True when none of these neighbours of one side is a neighbour of the other. */
+static bool apart(const side *a, uint32_t from, uint32_t count, const side *b)
+{
+	uint32_t k = from;
+	bool twice = false;
+	const uint32_t room = b->n <= WH_RING_INLINE ? WH_RING_INLINE : b->n;
+	for (uint32_t i = 0; i < count; i++, k++) {
+		k = k >= a->n ? k - a->n : k;
+		const uint32_t id = a->ring[k];
+		for (uint32_t j = 0; j < room; j++)
+			twice |= b->ring[j] == id;
+	}
+	return !twice;
+}
+
+/* Whose the faces of the new ring were: `count` from `from` on were b's, the others a's. */
+static void note_origins(wh_trial *t, const side *a, const side *b, uint32_t from, uint32_t count)
+{
+	for (uint32_t i = 0; i < t->faces; i++)
+		t->theirs.at[i] = (i >= from && i < from + count ? b->hub : a->hub) ? 0.0 : 1.0;
+}
+
+/* An inner edge: the ring of `a`, which is on the boundary when one of them is, with b's faces in
+ * the place of the edge. */
+static bool join_inner(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const side *a,
+                       const side *b, wh_trial *t)
+{
+	const uint32_t middle = b->n - 3; /* b's ring without the edge and both apexes */
+	const uint32_t after = b->at + 2 < b->n ? b->at + 2 : b->at + 2 - b->n;
+	if (a->closed && a->n + b->n < 7)
+		return false; /* a tetrahedron would become two faces on each other */
+	if (!apart(b, after, middle, a))
+		return false;
+	const uint32_t head = a->closed ? a->n - 1 : a->at;
+	append(e, f, hub, a, a->closed ? a->at + 1 : 0, head, t);
+	append(e, f, hub, b, after, middle, t);
+	if (!a->closed)
+		append(e, f, hub, a, a->at + 1, a->n - 1 - a->at, t);
+	t->closed = a->closed;
+	t->faces = t->n - !t->closed;
+	note_origins(t, a, b, head - 1, b->n - 2);
+	return true;
+}
+
+/* A boundary edge: one ring behind the other, with the apex as the seam. */
+static bool join_rim(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const side *a, const side *b,
+                     wh_trial *t)
+{
+	/* a's ring ends at the edge, b's begins there */
+	if (a->n + b->n < 5 || !apart(b, 2, b->n - 2, a))
+		return false;
+	append(e, f, hub, a, 0, a->n - 1, t);
+	append(e, f, hub, b, 2, b->n - 2, t);
+	t->closed = false;
+	t->faces = t->n - 1;
+	note_origins(t, a, b, a->n - 2, b->n - 2);
+	return true;
+}
+
+static bool make_free(const wh_engine *e, const wh_fan *f, const side *hub, const side *other,
+                      wh_vec3 at, wh_trial *t)
+{
+	if (t->nshared == 2)
+		return other->closed ? join_inner(e, f, at, hub, other, t)
+		                     : join_inner(e, f, at, other, hub, t);
+	return hub->at ? join_rim(e, f, at, hub, other, t) : join_rim(e, f, at, other, hub, t);
+}
+
+/* ---- into a locked vertex ----------------------------------------------------------------- */
+
+/* The face on the far side of an apex would be made a second time; with all three corners locked
+ * another piece could make it, too. */
+static bool cap(const wh_engine *e, const wh_trial *t)
+{
+	bool free_apex = false;
+	for (int i = 0; i < 2; i++) {
+		const wh_star *a = &e->w->star[t->apex[i]];
+		if (a->flag & WH_LOCKED)
+			continue;
+		free_apex = true;
+		if (a->closed && a->n == 3)
+			return true;
+	}
+	return !free_apex;
+}
+
+/* The hub goes, its faces become the locked vertex's. Nothing is known of that one's ring; but its
+ * free neighbours know it, and no edge or face between locked vertices may be made, as another
+ * piece could make it, too. */
+static bool make_locked(const wh_engine *e, const wh_fan *f, const side *hub, wh_vec3 at,
+                        wh_trial *t)
+{
+	for (uint32_t i = 0; i < f->n; i++) {
+		const uint32_t id = f->id[i];
+		if (id == t->v || id == t->apex[0] || id == t->apex[1])
+			continue;
+		if (wh_is_locked(e, id))
+			return false;
+		const uint32_t *r = wh_ring(e, id);
+		for (uint32_t k = 0; k < e->w->star[id].n; k++)
+			if (r[k] == t->v)
+				return false;
+	}
+	if (hub->closed && hub->n == 3 && cap(e, t))
+		return false;
+	if (!hub->closed && hub->n == 2) { /* the face's other edge loses it */
+		const wh_star *a = &e->w->star[t->apex[0]];
+		if ((a->flag & WH_LOCKED) || a->n < 3)
+			return false;
+	}
+	const uint32_t from = hub->closed || hub->at == 0 ? hub->at + 1 : 0;
+	append(e, f, at, hub, from, hub->n - 1, t);
+	t->closed = false;
+	t->faces = t->n - 1;
+	note_origins(t, hub, hub, 0, 0);
+	return true;
+}
+
+/* ---- the collapse ------------------------------------------------------------------------- */
+
+/* No longer than this share of the edge, whatever the mesh as a whole is like. */
+static double step_beside(const wh_engine *e, wh_vec3 edge)
+{
+	const double len2 = wh_norm2(edge);
+	const double step = e->params->step, enough = step / STEP_MOST;
+	if (len2 >= enough * enough)
+		return step;
+	return len2 > 0 ? ldexp(STEP_MOST, ilogb(sqrt(len2))) : 0;
+}
+
+/* The place y away from `hub`, an end of the edge. Steps are counted from the hub: where positions
+ * have no bits below a step this place has none either, and its sum is exact; and a plane across
+ * an axis stays one. */
+static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, wh_vec3 edge)
+{
+	if (e->params->float_positions) {
+		const wh_vec3 x = wh_add(hub, y);
+		return wh_v3(wh_round_float(x.x), wh_round_float(x.y), wh_round_float(x.z));
+	}
+	const double step = e->params->step > 0 ? step_beside(e, edge) : 0;
+	return wh_add(
+	    hub, wh_v3(wh_round_to(y.x, step), wh_round_to(y.y, step), wh_round_to(y.z, step)));
+}
+
+static void note_shared(const wh_fan *f, uint32_t face, uint32_t apex, wh_trial *t)
+{
+	t->apex[t->nshared] = f->id[apex];
+	t->lost[t->nshared] = wh_v3(f->nx.at[face], f->ny.at[face], f->nz.at[face]);
+	t->nshared++;
+}
+
+static void find_shared(const wh_fan *f, uint32_t i, wh_trial *t)
+{
+	t->nshared = 0;
+	t->apex[1] = WH_NONE;
+	if (f->closed || i > 0)
+		note_shared(f, i, i > 0 ? i - 1 : f->n - 1, t);
+	if (f->closed || i + 1 < f->n)
+		note_shared(f, i + 1, i + 1 < f->n ? i + 1 : 0, t);
+}
+
+bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i, wh_trial *t)
+{
+	const wh_star *h = &e->w->star[hub], *o = &e->w->star[f->id[i]];
+	t->into_locked = o->flag & WH_LOCKED;
+	t->u = t->into_locked ? hub : f->id[i];
+	t->v = t->into_locked ? f->id[i] : hub;
+	t->edge = wh_v3(f->x.at[i], f->y.at[i], f->z.at[i]);
+	t->cost = f->cost.at[i];
+	t->weight = f->weight.at[i];
+	t->x = t->into_locked
+	           ? o->pos
+	           : new_position(e, h->pos, wh_v3(f->to_x.at[i], f->to_y.at[i], f->to_z.at[i]),
+	                          t->edge);
+	t->to = wh_sub(t->x, h->pos);
+	find_shared(f, i, t);
+	t->n = 0;
+	const side us = {wh_ring(e, hub), f->n, i, f->closed, true};
+	bool ok;
+	if (t->into_locked) {
+		ok = make_locked(e, f, &us, h->pos, t);
+	} else {
+		side them = {wh_ring(e, t->u), o->n, 0, o->closed, false};
+		them.at = find(them.ring, hub);
+		ok = make_free(e, f, &us, &them, h->pos, t);
+	}
+	if (!ok)
+		return false;
+	t->x_of.at[t->n] = t->x_of.at[0];
+	t->y_of.at[t->n] = t->y_of.at[0];
+	t->z_of.at[t->n] = t->z_of.at[0];
+	return true;
+}
+
+/* ---- turning faces ------------------------------------------------------------------------ */
+
+/* Area vectors of all faces before and after, and which of them turn too much. */
+WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_fan *restrict next, wh_vec3 mean)
+{
+	const wh_vec3 edge = t->edge, to = t->to;
+	const double *tx = t->x_of.at, *ty = t->y_of.at, *tz = t->z_of.at;
+	const size_t n = t->n;
+	for (size_t block = 0; block < n; block += WH_LANES)
+		for (size_t lane = 0; lane < WH_LANES; lane++) {
+			const size_t i = block + lane;
+			const double s = t->theirs.at[i];
+			const double ax = tx[i] - s * edge.x, bx = tx[i + 1] - s * edge.x;
+			const double ay = ty[i] - s * edge.y, by = ty[i + 1] - s * edge.y;
+			const double az = tz[i] - s * edge.z, bz = tz[i + 1] - s * edge.z;
+			const double ox = ay * bz - az * by;
+			const double oy = az * bx - ax * bz;
+			const double oz = ax * by - ay * bx;
+			const double px = tx[i] - to.x, qx = tx[i + 1] - to.x;
+			const double py = ty[i] - to.y, qy = ty[i + 1] - to.y;
+			const double pz = tz[i] - to.z, qz = tz[i + 1] - to.z;
+			const double nx = py * qz - pz * qy;
+			const double ny = pz * qx - px * qz;
+			const double nz = px * qy - py * qx;
+			const double d = ox * nx + oy * ny + oz * nz;
+			const double o2 = ox * ox + oy * oy + oz * oz;
+			const double n2 = nx * nx + ny * ny + nz * nz;
+			const double side0 = ox * mean.x + oy * mean.y + oz * mean.z;
+			const double side1 = nx * mean.x + ny * mean.y + nz * mean.z;
+			const double least = MIN_COSINE * MIN_COSINE * o2 * n2;
+			const bool turns = (o2 > 0) & !((d > 0) & (d * d >= least));
+			const bool passes = (side1 < 0) & (side0 >= 0);
+			t->bad.at[i] = turns | passes ? 1.0 : 0.0;
+			t->ox.at[i + 1] = ox;
+			t->oy.at[i + 1] = oy;
+			t->oz.at[i + 1] = oz;
+			next->x.at[i] = px;
+			next->y.at[i] = py;
+			next->z.at[i] = pz;
+			next->nx.at[i + 1] = nx;
+			next->ny.at[i + 1] = ny;
+			next->nz.at[i + 1] = nz;
+		}
+}
+
+/* Entry 0: the face before the first neighbour; and none behind the last of an open row. */
+static void close_row(double *row, const wh_trial *t)
+{
+	row[0] = row[t->n] = t->closed ? row[t->n] : 0;
+}
+
+bool wh_trial_sound(const wh_engine *e, wh_trial *t, wh_fan *next)
+{
+	const wh_star *u = &e->w->star[t->u], *v = &e->w->star[t->v];
+	turn(t, next, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n));
+	double bad = 0;
+	for (uint32_t i = 0; i < t->faces; i++)
+		bad += t->bad.at[i];
+	if (bad > 0)
+		return false;
+	close_row(t->ox.at, t);
+	close_row(t->oy.at, t);
+	close_row(t->oz.at, t);
+	close_row(next->nx.at, t);
+	close_row(next->ny.at, t);
+	close_row(next->nz.at, t);
+	return true;
+}
+
+/* ---- distance ----------------------------------------------------------------------------- */
+
+/* How far one collapse moves the surface: the largest distance, over some points of one surface,
+ * from the other. Squared. Looking stops once the limit is passed. */
+typedef struct stretch {
+	double far2, limit2;
+} stretch;
+
+static wh_vec3 neighbour(const wh_trial *t, uint32_t i)
+{
+	return wh_v3(t->x_of.at[i], t->y_of.at[i], t->z_of.at[i]);
+}
+
+/* What face i comes to a point in: the hub or the other end before, the new place after. */
+static wh_vec3 tip(const wh_trial *t, uint32_t i, bool after)
+{
+	return after ? t->to : wh_scale(t->edge, t->theirs.at[i]);
+}
+
+/* Raises the stretch to the distance of a point from the faces as they are now, or (`after`) as
+ * they will be. A face that is near enough to change nothing ends the search. */
+static void stretch_to(const wh_engine *e, const wh_trial *t, wh_vec3 point, bool after, stretch *s)
+{
+	double least = INFINITY;
+	if (!(s->far2 <= s->limit2))
+		return;
+	for (uint32_t i = 0; i < t->faces; i++) {
+		least = fmin(least, wh_tri_dist2(point, tip(t, i, after), neighbour(t, i),
+		                                 neighbour(t, i + 1)));
+		if (least <= s->far2)
+			return;
+	}
+	const wh_vec3 hub = e->w->star[t->into_locked ? t->u : t->v].pos;
+	for (uint32_t i = 0; !after && i < t->nshared; i++) {
+		const wh_vec3 apex = wh_sub(e->w->star[t->apex[i]].pos, hub);
+		least = fmin(least, wh_tri_dist2(point, wh_v3(0, 0, 0), t->edge, apex));
+	}
+	s->far2 = fmax(s->far2, least);
+}
+
+/* Probed at the ends, the new place, and the middles of the edges of both stars, before and after.
+ * The estimate is the worse of the two ends' estimates plus that. Measured on four scans with
+ * limits of 0.02 to 1 % of the diagonal, the real maximum is 0.5 to 1.9 times the limit, mostly
+ * 0.8 to 1.2. */
+double wh_trial_distance(const wh_engine *e, const wh_trial *t)
+{
+	const double base = fmax((double)e->p->err[t->u], (double)e->p->err[t->v]);
+	const double left = e->params->max_err - base;
+	stretch s = {.far2 = 0, .limit2 = left > 0 ? left * left : 0};
+	stretch_to(e, t, wh_v3(0, 0, 0), true, &s);
+	if (!t->into_locked) {
+		stretch_to(e, t, t->edge, true, &s);
+		stretch_to(e, t, t->to, false, &s);
+	}
+	for (uint32_t i = 0; i < t->n; i++) {
+		const wh_vec3 q = neighbour(t, i);
+		const uint32_t before = i ? i - 1 : t->n - 1;
+		stretch_to(e, t, wh_scale(wh_add(q, t->to), 0.5), false, &s);
+		if (i < t->faces)
+			stretch_to(e, t, wh_scale(wh_add(q, tip(t, i, false)), 0.5), true, &s);
+		if (before < t->faces && (i == t->faces || t->theirs.at[i] != t->theirs.at[before]))
+			stretch_to(e, t, wh_scale(wh_add(q, tip(t, before, false)), 0.5), true, &s);
+	}
+	return base + sqrt(s.far2);
+}
+
+/* ---- making it so ------------------------------------------------------------------------- */
+
+/* What the sum of each neighbour gains: its new faces less those they were. */
+WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t, const wh_fan *restrict next)
+{
+	const double *nx = next->nx.at, *ny = next->ny.at, *nz = next->nz.at;
+	const double *ox = t->ox.at, *oy = t->oy.at, *oz = t->oz.at;
+	const size_t n = t->n;
+	for (size_t block = 0; block < n; block += WH_LANES)
+		for (size_t lane = 0; lane < WH_LANES; lane++) {
+			const size_t i = block + lane;
+			const size_t k = i + 1;
+			t->gain[0].at[i] =
+			    nx[i] * nx[i] + nx[k] * nx[k] - (ox[i] * ox[i] + ox[k] * ox[k]);
+			t->gain[1].at[i] =
+			    nx[i] * ny[i] + nx[k] * ny[k] - (ox[i] * oy[i] + ox[k] * oy[k]);
+			t->gain[2].at[i] =
+			    nx[i] * nz[i] + nx[k] * nz[k] - (ox[i] * oz[i] + ox[k] * oz[k]);
+			t->gain[3].at[i] =
+			    ny[i] * ny[i] + ny[k] * ny[k] - (oy[i] * oy[i] + oy[k] * oy[k]);
+			t->gain[4].at[i] =
+			    ny[i] * nz[i] + ny[k] * nz[k] - (oy[i] * oz[i] + oy[k] * oz[k]);
+			t->gain[5].at[i] =
+			    nz[i] * nz[i] + nz[k] * nz[k] - (oz[i] * oz[i] + oz[k] * oz[k]);
+			t->gain[6].at[i] = nx[i] + nx[k] - (ox[i] + ox[k]);
+			t->gain[7].at[i] = ny[i] + ny[k] - (oy[i] + oy[k]);
+			t->gain[8].at[i] = nz[i] + nz[k] - (oz[i] + oz[k]);
+		}
+}
+
+/* The faces on the edge go: their apexes lose them. */
+static void lose_shared(wh_trial *t)
+{
+	for (uint32_t k = 0; k < t->nshared; k++) {
+		const uint32_t i = find(t->id, t->apex[k]);
+		const wh_vec3 n = t->lost[k];
+		t->gain[0].at[i] -= n.x * n.x;
+		t->gain[1].at[i] -= n.x * n.y;
+		t->gain[2].at[i] -= n.x * n.z;
+		t->gain[3].at[i] -= n.y * n.y;
+		t->gain[4].at[i] -= n.y * n.z;
+		t->gain[5].at[i] -= n.z * n.z;
+		t->gain[6].at[i] -= n.x;
+		t->gain[7].at[i] -= n.y;
+		t->gain[8].at[i] -= n.z;
+	}
+}
+
+static double trace(const wh_vertex_sum *s)
+{
+	return s->xx + s->yy + s->zz;
+}
+
+/* The sum of a free neighbour of the new vertex. */
+static void renew_neighbour(wh_engine *e, const wh_trial *t, uint32_t i)
+{
+	wh_star *s = &e->w->star[t->id[i]];
+	wh_vertex_sum *sum = &s->sum;
+	const double was = trace(sum);
+	sum->xx += t->gain[0].at[i];
+	sum->xy += t->gain[1].at[i];
+	sum->xz += t->gain[2].at[i];
+	sum->yy += t->gain[3].at[i];
+	sum->yz += t->gain[4].at[i];
+	sum->zz += t->gain[5].at[i];
+	sum->n.x += t->gain[6].at[i];
+	sum->n.y += t->gain[7].at[i];
+	sum->n.z += t->gain[8].at[i];
+	if (!s->closed || !(trace(sum) >= SUM_LOSS * was))
+		wh_sum_renew(e, t->id[i]);
+}
+
+/* The neighbours of the vertex that goes now have the one that stays; the apexes had it before. */
+static wh_code renew_rings(wh_engine *e, const wh_trial *t)
+{
+	uint32_t r[WH_MOST_AROUND]; /* a copy: rings may move in the spill */
+	const uint32_t n = e->w->star[t->u].n;
+	memcpy(r, wh_ring(e, t->u), n * sizeof *r);
+	for (uint32_t i = 0; i < n; i++) {
+		if (r[i] == t->v || wh_is_locked(e, r[i]))
+			continue;
+		if (r[i] != t->apex[0] && r[i] != t->apex[1])
+			wh_ring_replace(e, r[i], t->u, t->v);
+		else if (wh_ring_remove(e, r[i], t->u) != WH_OK)
+			return e->c->err.code;
+	}
+	return WH_OK;
+}
+
+wh_code wh_trial_commit(wh_engine *e, wh_trial *t, wh_fan *next)
+{
+	wh_star *gone = &e->w->star[t->u], *kept = &e->w->star[t->v];
+	find_gains(t, next);
+	lose_shared(t);
+	if (renew_rings(e, t) != WH_OK || wh_ring_set(e, t->u, NULL, 0) != WH_OK)
+		return e->c->err.code;
+	kept->pos = t->x;
+	if (!t->into_locked) {
+		kept->closed = t->closed;
+		kept->flag |= gone->flag & WH_BORDER;
+		next->n = t->n;
+		next->closed = t->closed;
+		next->x.at[t->n] = next->x.at[0];
+		next->y.at[t->n] = next->y.at[0];
+		next->z.at[t->n] = next->z.at[0];
+		memcpy(next->id, t->id, t->n * sizeof *t->id);
+		if (wh_ring_set(e, t->v, t->id, t->n) != WH_OK)
+			return e->c->err.code;
+		wh_fan_sum(next, &kept->sum);
+	}
+	for (uint32_t i = 0; i < t->n; i++) {
+		if (!wh_is_locked(e, t->id[i]))
+			renew_neighbour(e, t, i);
+		if (!t->into_locked)
+			wh_fan_note(e, next, i, kept);
+	}
+	return WH_OK;
+}
