@@ -12,6 +12,9 @@
  */
 #include "algo/simplify_engine.h"
 
+#include <math.h>
+#include <string.h>
+
 /* A boundary edge e swept along d weighs 4 |e|^2 |e x d|^2. Lindstrom & Turk's two terms at equal
  * weights would give 9, with the length of the collapsed edge for that of e; measured on three
  * scans with boundary, 4 has the least error on all (2 and 40 the most). */
@@ -21,6 +24,161 @@ static const double BOUNDARY_WEIGHT = 4.0;
 static const double MIDPOINT_PULL = 1e-6;
 /* Prefers short edges where the faces do not tell (flat regions). */
 static const double LENGTH_TIE = 1e-6;
+
+/* ---- taking out --------------------------------------------------------------------------- */
+
+/* Loops over single lanes would store numbers one by one and load them as vectors at once, which
+ * processors do not bear well. */
+typedef double half __attribute__((vector_size(32)));
+typedef double whole __attribute__((vector_size(64)));
+
+#define INLINE static inline __attribute__((always_inline))
+
+INLINE void store(double *to, const half *lo, const half *hi)
+{
+	const whole both = __builtin_shufflevector(*lo, *hi, 0, 1, 2, 3, 4, 5, 6, 7);
+	memcpy(to, &both, sizeof both);
+}
+
+/* Four numbers of each of four stars become one number of four stars, four times. */
+INLINE void transpose(const half r[4], half out[4])
+{
+	const half ab0 = __builtin_shufflevector(r[0], r[1], 0, 4, 2, 6);
+	const half ab1 = __builtin_shufflevector(r[0], r[1], 1, 5, 3, 7);
+	const half cd0 = __builtin_shufflevector(r[2], r[3], 0, 4, 2, 6);
+	const half cd1 = __builtin_shufflevector(r[2], r[3], 1, 5, 3, 7);
+	out[0] = __builtin_shufflevector(ab0, cd0, 0, 1, 4, 5);
+	out[1] = __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5);
+	out[2] = __builtin_shufflevector(ab0, cd0, 2, 3, 6, 7);
+	out[3] = __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7);
+}
+
+/* Numbers 4 k to 4 k + 3 of eight stars. */
+INLINE void take_four(const wh_star *const *s, size_t k, half lo[4], half hi[4])
+{
+	half r[WH_LANES];
+	for (int i = 0; i < WH_LANES; i++)
+		memcpy(&r[i], (const unsigned char *)s[i] + k * sizeof *r, sizeof *r);
+	transpose(&r[0], lo);
+	transpose(&r[4], hi);
+}
+
+/* Area vectors of four faces: between d and the neighbours one further on. */
+INLINE void cross(const half d[3], const half e[3], half n[3])
+{
+	n[0] = d[1] * e[2] - d[2] * e[1];
+	n[1] = d[2] * e[0] - d[0] * e[2];
+	n[2] = d[0] * e[1] - d[1] * e[0];
+}
+
+/* The neighbours of a block and one more; behind the last one of a closed ring comes the first
+ * again, and then the hub, whose faces are nothing. */
+INLINE void find_block(const wh_star *star, const uint32_t *ring, const wh_star *hub, uint32_t from,
+                       const wh_star *s[WH_LANES + 1])
+{
+	for (uint32_t i = 0; i <= WH_LANES; i++) {
+		const uint32_t k = from + i;
+		s[i] = k < hub->n                   ? &star[ring[k]]
+		       : k == hub->n && hub->closed ? &star[ring[0]]
+		                                    : hub;
+	}
+}
+
+/* The face that closes the ring. */
+INLINE wh_vec3 last_face(const wh_star *star, const uint32_t *ring, const wh_star *hub)
+{
+	if (!hub->closed)
+		return wh_v3(0, 0, 0);
+	return wh_cross(wh_sub(star[ring[hub->n - 1]].pos, hub->pos),
+	                wh_sub(star[ring[0]].pos, hub->pos));
+}
+
+WH_VECTOR_CLONES static void take_out(const wh_star *restrict star, const uint32_t *restrict ring,
+                                      const wh_star *restrict hub, wh_fan *restrict f)
+{
+	const wh_vec3 c = hub->pos, close = last_face(star, ring, hub);
+	half carry[3] = {close.x - (half){0}, close.y - (half){0}, close.z - (half){0}};
+	double *const rows[12] = {f->to.x.at, f->to.y.at, f->to.z.at, f->xx.at,
+	                          f->xy.at,   f->xz.at,   f->yy.at,   f->yz.at,
+	                          f->zz.at,   f->m.x.at,  f->m.y.at,  f->m.z.at};
+	double *const before[3] = {f->before.x.at, f->before.y.at, f->before.z.at};
+	double *const after[3] = {f->after.x.at, f->after.y.at, f->after.z.at};
+	for (uint32_t b = 0; b < hub->n; b += WH_LANES) {
+		const wh_star *s[WH_LANES + 1];
+		half lo[4], hi[4], lo_on[3], hi_on[3], nlo[3], nhi[3];
+		find_block(star, ring, hub, b, s);
+		take_four(s, 1, lo, hi);
+		for (int k = 0; k < 4; k++)
+			store(rows[4 + k] + b, &lo[k], &hi[k]);
+		take_four(s, 2, lo, hi);
+		for (int k = 0; k < 4; k++)
+			store(rows[8 + k] + b, &lo[k], &hi[k]);
+		take_four(s, 0, lo, hi);
+		store(rows[3] + b, &lo[3], &hi[3]);
+		const double centre[3] = {c.x, c.y, c.z};
+		const double end[3] = {s[WH_LANES]->pos.x, s[WH_LANES]->pos.y, s[WH_LANES]->pos.z};
+		for (int k = 0; k < 3; k++) {
+			const half on = end[k] - centre[k] - (half){0};
+			lo[k] -= centre[k];
+			hi[k] -= centre[k];
+			store(rows[k] + b, &lo[k], &hi[k]);
+			lo_on[k] = __builtin_shufflevector(lo[k], hi[k], 1, 2, 3, 4);
+			hi_on[k] = __builtin_shufflevector(hi[k], on, 1, 2, 3, 4);
+		}
+		cross(lo, lo_on, nlo);
+		cross(hi, hi_on, nhi);
+		for (int k = 0; k < 3; k++) {
+			store(after[k] + b, &nlo[k], &nhi[k]);
+			lo_on[k] = __builtin_shufflevector(carry[k], nlo[k], 3, 4, 5, 6);
+			hi_on[k] = __builtin_shufflevector(nlo[k], nhi[k], 3, 4, 5, 6);
+			store(before[k] + b, &lo_on[k], &hi_on[k]);
+			carry[k] = nhi[k];
+		}
+	}
+}
+
+/* Which edges are boundary edges, which lead to locked vertices, and which may not be collapsed. */
+static void note_edges(const wh_engine *e, const wh_star *hub, wh_fan *f)
+{
+	for (uint32_t i = 0; i < f->n; i++) {
+		const wh_star *s = &e->w->star[f->id[i]];
+		const bool rim = !f->closed && (i == 0 || i + 1 == f->n);
+		/* An inner edge between two boundary vertices: collapsing it would pinch the
+		 * surface. One end that is locked may be on the boundary. */
+		const bool pinch = !f->closed && !rim && (s->flag & (WH_BORDER | WH_LOCKED));
+		f->rim.at[i] = rim ? 1.0 : 0.0;
+		f->locked.at[i] = s->flag & WH_LOCKED ? 1.0 : 0.0;
+		f->bar.at[i] = pinch || hub->n + s->n > WH_MOST_AROUND ? (double)INFINITY : 0.0;
+	}
+}
+
+static void clear_edges(wh_fan *f)
+{
+	for (size_t b = 0; b < f->n; b += WH_LANES) {
+		memset(&f->rim.at[b], 0, WH_LANES * sizeof(double));
+		memset(&f->locked.at[b], 0, WH_LANES * sizeof(double));
+		memset(&f->bar.at[b], 0, WH_LANES * sizeof(double));
+	}
+}
+
+void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f)
+{
+	const wh_star *star = e->w->star, *hub = &star[v];
+	f->id = wh_ring(e, v);
+	f->n = hub->n;
+	f->closed = hub->closed;
+	take_out(star, f->id, hub, f);
+	clear_edges(f);
+	unsigned flags = 0;
+	uint32_t most = 0;
+	for (uint32_t i = 0; i < f->n; i++) {
+		const wh_star *s = &star[f->id[i]];
+		flags |= s->flag;
+		most = s->n > most ? s->n : most;
+	}
+	if (!f->closed || (flags & WH_LOCKED) || hub->n + most > WH_MOST_AROUND)
+		note_edges(e, hub, f);
+}
 
 /* ---- sums --------------------------------------------------------------------------------- */
 
@@ -45,92 +203,60 @@ static void sum_boundary_edge(wh_vertex_sum *s, double x, double y, double z)
 	sum_outer(s, x, y, z, -w);
 }
 
+/* The sums of four lanes each. */
+INLINE void add_lanes(const half r[4], double *to)
+{
+	half t[4];
+	transpose(r, t);
+	const half sum = (t[0] + t[1]) + (t[2] + t[3]);
+	memcpy(to, &sum, sizeof sum);
+}
+
+/* Lanes behind the last face hold nothing. */
+WH_VECTOR_CLONES static void sum_faces(const wh_fan *restrict f, double sum[restrict 12])
+{
+	half r[12] = {{0}};
+	const size_t n = f->n;
+	for (size_t i = 0; i < n; i += 4) {
+		half x, y, z;
+		memcpy(&x, &f->after.x.at[i], sizeof x);
+		memcpy(&y, &f->after.y.at[i], sizeof y);
+		memcpy(&z, &f->after.z.at[i], sizeof z);
+		r[0] += x * x;
+		r[1] += x * y;
+		r[2] += x * z;
+		r[3] += y * y;
+		r[4] += y * z;
+		r[5] += z * z;
+		r[6] += x;
+		r[7] += y;
+		r[8] += z;
+	}
+	for (int k = 0; k < 3; k++)
+		add_lanes(&r[4 * k], &sum[4 * k]);
+}
+
 void wh_fan_sum(const wh_fan *f, wh_vertex_sum *s)
 {
-	const uint32_t faces = f->n - !f->closed;
-	*s = (wh_vertex_sum){0};
-	for (uint32_t i = 1; i <= faces; i++) {
-		const double x = f->nx.at[i], y = f->ny.at[i], z = f->nz.at[i];
-		sum_outer(s, x, y, z, 1.0);
-		s->n = wh_add(s->n, wh_v3(x, y, z));
-	}
+	double sum[12];
+	sum_faces(f, sum);
+	*s = (wh_vertex_sum){
+	    sum[0], sum[1], sum[2], sum[3], sum[4], sum[5], wh_v3(sum[6], sum[7], sum[8])};
 	if (f->closed)
 		return;
-	sum_boundary_edge(s, f->x.at[0], f->y.at[0], f->z.at[0]);
-	sum_boundary_edge(s, f->x.at[faces], f->y.at[faces], f->z.at[faces]);
-}
-
-/* ---- taking out --------------------------------------------------------------------------- */
-
-WH_VECTOR_CLONES static void find_normals(wh_fan *restrict f)
-{
-	const size_t n = f->n;
-	for (size_t b = 0; b < n; b += WH_LANES)
-		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const size_t i = b + lane;
-			f->nx.at[i + 1] = f->y.at[i] * f->z.at[i + 1] - f->z.at[i] * f->y.at[i + 1];
-			f->ny.at[i + 1] = f->z.at[i] * f->x.at[i + 1] - f->x.at[i] * f->z.at[i + 1];
-			f->nz.at[i + 1] = f->x.at[i] * f->y.at[i + 1] - f->y.at[i] * f->x.at[i + 1];
-		}
-	f->nx.at[0] = f->nx.at[n] = f->closed ? f->nx.at[n] : 0;
-	f->ny.at[0] = f->ny.at[n] = f->closed ? f->ny.at[n] : 0;
-	f->nz.at[0] = f->nz.at[n] = f->closed ? f->nz.at[n] : 0;
-}
-
-static void gather_positions(const wh_engine *e, uint32_t v, wh_fan *f)
-{
-	const wh_star *star = e->w->star, *hub = &star[v];
-	const uint32_t *r = wh_ring(e, v);
-	f->n = hub->n;
-	f->closed = hub->closed;
-	for (uint32_t i = 0; i < f->n; i++) {
-		const wh_vec3 d = wh_sub(star[r[i]].pos, hub->pos);
-		f->id[i] = r[i];
-		f->x.at[i] = d.x;
-		f->y.at[i] = d.y;
-		f->z.at[i] = d.z;
-	}
-	f->x.at[f->n] = f->x.at[0];
-	f->y.at[f->n] = f->y.at[0];
-	f->z.at[f->n] = f->z.at[0];
-	find_normals(f);
-}
-
-void wh_fan_note(const wh_engine *e, wh_fan *f, uint32_t i, const wh_star *hub)
-{
-	const wh_star *s = &e->w->star[f->id[i]];
-	const wh_vertex_sum *sum = &s->sum;
-	f->xx.at[i] = sum->xx;
-	f->xy.at[i] = sum->xy;
-	f->xz.at[i] = sum->xz;
-	f->yy.at[i] = sum->yy;
-	f->yz.at[i] = sum->yz;
-	f->zz.at[i] = sum->zz;
-	f->mx.at[i] = sum->n.x;
-	f->my.at[i] = sum->n.y;
-	f->mz.at[i] = sum->n.z;
-	const bool rim = !f->closed && (i == 0 || i + 1 == f->n);
-	const bool locked = s->flag & WH_LOCKED;
-	/* An inner edge between two boundary vertices: collapsing it would pinch the surface. One
-	 * end that is locked may be on the boundary. */
-	const bool pinch = !f->closed && !rim && (s->flag & (WH_BORDER | WH_LOCKED));
-	f->rim.at[i] = rim ? 1.0 : 0.0;
-	f->locked.at[i] = locked ? 1.0 : 0.0;
-	f->bar.at[i] = pinch || hub->n + s->n > WH_MOST_AROUND ? (double)INFINITY : 0.0;
-}
-
-void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f)
-{
-	gather_positions(e, v, f);
-	for (uint32_t i = 0; i < f->n; i++)
-		wh_fan_note(e, f, i, &e->w->star[v]);
+	const uint32_t last = f->n - 1;
+	sum_boundary_edge(s, f->to.x.at[0], f->to.y.at[0], f->to.z.at[0]);
+	sum_boundary_edge(s, f->to.x.at[last], f->to.y.at[last], f->to.z.at[last]);
 }
 
 void wh_sum_renew(wh_engine *e, uint32_t v)
 {
+	wh_star *s = &e->w->star[v];
 	wh_fan *f = &e->w->fan;
-	gather_positions(e, v, f);
-	wh_fan_sum(f, &e->w->star[v].sum);
+	f->n = s->n;
+	f->closed = s->closed;
+	take_out(e->w->star, wh_ring(e, v), s, f);
+	wh_fan_sum(f, &s->sum);
 }
 
 /* ---- evaluation --------------------------------------------------------------------------- */
@@ -149,12 +275,14 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 	for (size_t block = 0; block < n; block += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const size_t i = block + lane;
-			const double ex = f->x.at[i], ey = f->y.at[i], ez = f->z.at[i];
+			const double ex = f->to.x.at[i], ey = f->to.y.at[i], ez = f->to.z.at[i];
 			const double len2 = ex * ex + ey * ey + ez * ez;
 			/* the edge itself, which both ends count when it is on the boundary */
 			const double rim = f->rim.at[i] * BOUNDARY_WEIGHT * len2;
-			const double p = f->nx.at[i], q = f->ny.at[i], r = f->nz.at[i];
-			const double u = f->nx.at[i + 1], v = f->ny.at[i + 1], w = f->nz.at[i + 1];
+			const double p = f->before.x.at[i], q = f->before.y.at[i],
+			             r = f->before.z.at[i];
+			const double u = f->after.x.at[i], v = f->after.y.at[i],
+			             w = f->after.z.at[i];
 			const double hxx =
 			    a.xx + f->xx.at[i] - p * p - u * u - rim * (len2 - ex * ex);
 			const double hyy =
@@ -164,9 +292,9 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			const double hxy = a.xy + f->xy.at[i] - p * q - u * v + rim * ex * ey;
 			const double hxz = a.xz + f->xz.at[i] - p * r - u * w + rim * ex * ez;
 			const double hyz = a.yz + f->yz.at[i] - q * r - v * w + rim * ey * ez;
-			const double nx = a.n.x + f->mx.at[i] - p - u;
-			const double ny = a.n.y + f->my.at[i] - q - v;
-			const double nz = a.n.z + f->mz.at[i] - r - w;
+			const double nx = a.n.x + f->m.x.at[i] - p - u;
+			const double ny = a.n.y + f->m.y.at[i] - q - v;
+			const double nz = a.n.z + f->m.z.at[i] - r - w;
 			const double trace = hxx + hyy + hzz;
 			const double pull = MIDPOINT_PULL * trace;
 			/* Be, and its form */
@@ -192,8 +320,8 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			const double my = cxy * nx + cyy * ny + cyz * nz;
 			const double mz = cxz * nx + cyz * ny + czz * nz;
 			const double nm = nx * mx + ny * my + nz * mz;
-			const double gap = f->mx.at[i] * ex + f->my.at[i] * ey + f->mz.at[i] * ez -
-			                   (nx * yx + ny * yy + nz * yz);
+			const double gap = f->m.x.at[i] * ex + f->m.y.at[i] * ey +
+			                   f->m.z.at[i] * ez - (nx * yx + ny * yy + nz * yz);
 			const double step = gap / (nm > 0 ? nm : 1.0) * (nm > 0 ? 1.0 : 0.0);
 			yx += mx * step;
 			yy += my * step;
@@ -211,9 +339,9 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			const double form = yx * (hxx * yx + 2.0 * (hxy * yy + hxz * yz)) +
 			                    yy * (hyy * yy + 2.0 * hyz * yz) + yz * hzz * yz;
 			const double cost = form - 2.0 * (yx * bx + yy * by + yz * bz) + ebe;
-			f->to_x.at[i] = yx;
-			f->to_y.at[i] = yy;
-			f->to_z.at[i] = yz;
+			f->place.x.at[i] = yx;
+			f->place.y.at[i] = yy;
+			f->place.z.at[i] = yz;
 			f->weight.at[i] = trace;
 			f->cost.at[i] =
 			    (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2 + f->bar.at[i];

@@ -72,13 +72,19 @@ static uint32_t cheapest(const wh_fan *f)
 	return best;
 }
 
-/* Puts v into the queue at the cost of its cheapest edge; f is its fan, evaluated. */
-static void enqueue(wh_engine *e, uint32_t v, const wh_fan *f)
+/* Puts v into the queue at this cost of its cheapest edge. */
+static void enqueue_at(wh_engine *e, uint32_t v, double cost)
 {
 	wh_queue *q = &e->w->queue;
-	const double cost = f->cost.at[cheapest(f)];
+	e->w->star[v].guess = cost;
 	if (cost <= e->params->max_cost && cost < INFINITY)
 		wh_queue_push(q, v, wh_queue_bucket(q, cost));
+}
+
+/* The same; f is its fan, evaluated. */
+static void enqueue(wh_engine *e, uint32_t v, const wh_fan *f)
+{
+	enqueue_at(e, v, f->cost.at[cheapest(f)]);
 }
 
 static void note_collapse(wh_engine *e, const wh_trial *t, double err)
@@ -101,8 +107,9 @@ static void note_collapse(wh_engine *e, const wh_trial *t, double err)
 
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
-	wh_fan *next = &e->w->next;
-	if (wh_trial_commit(e, t, next) != WH_OK)
+	wh_fan *f = &e->w->fan;
+	wh_star *v = &e->w->star[t->v];
+	if (wh_trial_commit(e, t) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;
 	e->faces -= t->nshared;
@@ -112,8 +119,10 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 	if (t->into_locked)
 		return WH_OK;
 	wh_queue_remove(&e->w->queue, t->v);
-	wh_fan_evaluate(next, &e->w->star[t->v].sum);
-	enqueue(e, t->v, next);
+	wh_fan_gather(e, t->v, f);
+	wh_fan_sum(f, &v->sum);
+	wh_fan_evaluate(f, &v->sum);
+	enqueue(e, t->v, f);
 	return WH_OK;
 }
 
@@ -131,7 +140,7 @@ static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, bool allow_overs
 	struct wh_simplify_work *w = e->w;
 	wh_trial *t = &w->trial;
 	*out = REJECTED;
-	if (!wh_trial_make(e, &w->fan, hub, i, t) || !wh_trial_sound(e, t, &w->next))
+	if (!wh_trial_make(e, &w->fan, hub, i, t) || !wh_trial_sound(e, t))
 		return WH_OK;
 	const double err = isfinite(e->params->max_err) ? wh_trial_distance(e, t) : 0;
 	if (!(err <= e->params->max_err))
@@ -151,7 +160,6 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
                           verdict *out)
 {
 	wh_fan *f = &e->w->fan;
-	wh_queue *q = &e->w->queue;
 	bool spared = false;
 	wh_fan_gather(e, v, f);
 	wh_fan_evaluate(f, &e->w->star[v].sum);
@@ -161,9 +169,8 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 		*out = spared ? SPARED : REJECTED;
 		if (!(cost <= e->params->max_cost && cost < INFINITY))
 			return WH_OK;
-		const uint32_t now = wh_queue_bucket(q, cost);
-		if (now > bucket + SLACK) {
-			wh_queue_push(q, v, now);
+		if (wh_queue_bucket(&e->w->queue, cost) > bucket + SLACK) {
+			enqueue_at(e, v, cost);
 			return WH_OK;
 		}
 		if (try_edge(e, v, i, allow_overshoot, out) != WH_OK)
@@ -175,6 +182,18 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	}
 }
 
+/* What is around a vertex may have changed since it was evaluated: with the sum of its faces its
+ * costs have grown, about. Where that tells that it got dearer it goes back unseen. */
+static bool goes_back(wh_engine *e, uint32_t v, uint32_t bucket)
+{
+	wh_queue *q = &e->w->queue;
+	const uint32_t now = wh_queue_bucket(q, e->w->star[v].guess);
+	if (now <= bucket + SLACK)
+		return false;
+	wh_queue_push(q, v, now);
+	return true;
+}
+
 /* Takes vertices until a limit is reached or none is left. */
 static wh_code drain(wh_engine *e)
 {
@@ -184,6 +203,8 @@ static wh_code drain(wh_engine *e)
 	while (!reached(e) && wh_queue_pop(q, &v, &bucket)) {
 		if ((++polls & 0xfff) == 0 && wh_poll(e->c) != WH_OK)
 			return e->c->err.code;
+		if (goes_back(e, v, bucket))
+			continue;
 		if (try_vertex(e, v, bucket, false, &found) != WH_OK)
 			return e->c->err.code;
 		if (found == SPARED && spare == WH_NONE)

@@ -30,36 +30,42 @@ typedef struct wh_vertex_sum {
  * interior vertex has one with the last and the first, too; a boundary vertex has not. Three cache
  * lines: costs need the first two, the third is the ring. */
 typedef struct wh_star {
-	wh_vec3 pos;
-	wh_vertex_sum sum;                          /* of a free vertex */
-	uint32_t n;                                 /* neighbours; 0 when it is locked or gone */
-	uint8_t flag;                               /* the patch's */
-	bool closed;                                /* interior */
-	_Alignas(64) uint32_t ring[WH_RING_INLINE]; /* unused ones are WH_NONE; where there are
-	                                               more, ring[0] is their place in the spill */
+	_Alignas(64) wh_vec3 pos;
+	wh_vertex_sum sum; /* of a free vertex; 0 of a locked one */
+	double guess;      /* what its cheapest collapse may cost by now */
+	uint32_t n;        /* neighbours; 0 when it is locked or gone */
+	uint8_t flag;      /* the patch's */
+	bool closed;       /* interior */
+	/* unused ones are WH_NONE; where there are more, ring[0] is their place in the spill */
+	_Alignas(64) uint32_t ring[WH_RING_INLINE];
 } wh_star;
 
-/* One number for each neighbour or face; a vector may look at the entry before and after. */
-enum { WH_ROW = WH_MOST_AROUND + 2 * WH_LANES };
+/* One number for each neighbour or face of a star, in whole vectors. */
+enum { WH_ROW = WH_MOST_AROUND + WH_LANES };
 typedef struct wh_row {
 	_Alignas(64) double at[WH_ROW];
 } wh_row;
+
+/* Three rows. */
+typedef struct wh_rows3 {
+	wh_row x, y, z;
+} wh_rows3;
 
 /* The star of a vertex, the hub, taken out. Positions are relative to the hub. */
 typedef struct wh_fan {
 	uint32_t n;
 	bool closed;
-	uint32_t id[WH_ROW];
-	wh_row x, y, z;    /* neighbour i; after the last of a closed fan the first again */
-	wh_row nx, ny, nz; /* area vectors: i is of the face before neighbour i, i + 1 of the one
-	                      after it; 0 where there is none */
-	/* the neighbours' sums */
-	wh_row xx, xy, xz, yy, yz, zz, mx, my, mz;
+	const uint32_t *id;     /* the hub's ring */
+	wh_rows3 to;            /* neighbours */
+	wh_rows3 before, after; /* area vectors of the faces before and after each; 0 if none */
+	wh_row xx, xy, xz, yy, yz, zz; /* their sums */
+	wh_rows3 m;
 	wh_row rim;    /* 1 on a boundary edge, else 0 */
 	wh_row locked; /* 1 where the neighbour is locked, else 0 */
 	wh_row bar;    /* added to the cost: infinite where an edge may not be collapsed */
 	/* results: new place, cost, weight of the faces */
-	wh_row to_x, to_y, to_z, cost, weight;
+	wh_rows3 place;
+	wh_row cost, weight;
 } wh_fan;
 
 /* The collapse of an edge of a fan, worked out: the neighbours of the new vertex, counter-clockwise
@@ -77,11 +83,13 @@ typedef struct wh_trial {
 	uint32_t n, faces;
 	bool closed;
 	uint32_t id[WH_ROW];
-	wh_row theirs;           /* 1 where face i was the other end's, 0 where it was the hub's */
-	wh_row x_of, y_of, z_of; /* neighbours, as in a fan */
-	wh_row ox, oy, oz;       /* area vectors as they were; placed as in a fan */
-	wh_row bad;              /* 1 where face i turns too much */
-	wh_row gain[9];          /* what the sum of neighbour i gains */
+	wh_row theirs;       /* 1 where face i was the other end's, 0 where it was the hub's */
+	wh_rows3 at;         /* neighbours; after the last of a closed ring the first again */
+	wh_rows3 old, fresh; /* area vectors of the face after each neighbour, as they were and
+	                        as they will be */
+	wh_rows3 old_before, fresh_before; /* of the face before it */
+	wh_row bad;                        /* 1 where face i turns too much */
+	wh_row gain[9];                    /* what the sum of neighbour i gains */
 } wh_trial;
 
 /* The place of a vertex among the pairs around another, while stars are built. */
@@ -104,7 +112,7 @@ struct wh_simplify_work {
 	size_t spill_cap, spill_used;
 	uint32_t spill_free[WH_SPILL_CLASSES];
 	uint32_t tick;
-	wh_fan fan, next;
+	wh_fan fan;
 	wh_trial trial;
 };
 
@@ -163,17 +171,13 @@ static inline bool wh_is_locked(const wh_engine *e, uint32_t v)
 /* Takes the star of the free vertex v out, with the sums of its neighbours. */
 void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f);
 
-/* Sets all that belongs to neighbour i but its position, and whether the edge may be collapsed;
- * hub is the star of the fan. */
-void wh_fan_note(const wh_engine *e, wh_fan *f, uint32_t i, const wh_star *hub);
-
 /* Place and cost of the collapse of each edge. */
 void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub);
 
 /* The sum of the hub, from the fan's faces and, in an open fan, its two boundary edges. */
 void wh_fan_sum(const wh_fan *f, wh_vertex_sum *s);
 
-/* The sum of the free vertex v, from its faces. */
+/* The sum of the free vertex v. The workspace's fan is lost. */
 void wh_sum_renew(wh_engine *e, uint32_t v);
 
 /* ---- trial.c ------------------------------------------------------------------------------ */
@@ -182,14 +186,14 @@ void wh_sum_renew(wh_engine *e, uint32_t v);
  * condition forbids it. */
 bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i, wh_trial *t);
 
-/* True when no face turns too much. `next` becomes the fan of the new vertex: positions and
- * area vectors. */
-bool wh_trial_sound(const wh_engine *e, wh_trial *t, wh_fan *next);
+/* True when no face turns too much. */
+bool wh_trial_sound(const wh_engine *e, wh_trial *t);
 
 /* Estimate of the distance between the original surface and the one after the collapse. */
 double wh_trial_distance(const wh_engine *e, const wh_trial *t);
 
-/* Makes it so: rings, positions and sums; the new vertex's fan is completed when it is free. */
-wh_code wh_trial_commit(wh_engine *e, wh_trial *t, wh_fan *next);
+/* Makes it so: rings, positions and sums; but the sum of the new vertex is the caller's to renew.
+ * What was gathered of the hub before is lost. */
+wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
 
 #endif

@@ -57,15 +57,15 @@ static void append(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const side 
 		const uint32_t j = t->n++;
 		t->id[j] = s->ring[k];
 		if (s->hub) {
-			t->x_of.at[j] = f->x.at[k];
-			t->y_of.at[j] = f->y.at[k];
-			t->z_of.at[j] = f->z.at[k];
+			t->at.x.at[j] = f->to.x.at[k];
+			t->at.y.at[j] = f->to.y.at[k];
+			t->at.z.at[j] = f->to.z.at[k];
 			continue;
 		}
 		const wh_vec3 d = wh_sub(e->w->star[s->ring[k]].pos, hub);
-		t->x_of.at[j] = d.x;
-		t->y_of.at[j] = d.y;
-		t->z_of.at[j] = d.z;
+		t->at.x.at[j] = d.x;
+		t->at.y.at[j] = d.y;
+		t->at.z.at[j] = d.z;
 	}
 }
 
@@ -213,10 +213,10 @@ static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, wh_vec3 
 	    hub, wh_v3(wh_round_to(y.x, step), wh_round_to(y.y, step), wh_round_to(y.z, step)));
 }
 
-static void note_shared(const wh_fan *f, uint32_t face, uint32_t apex, wh_trial *t)
+static void note_shared(const wh_rows3 *face, uint32_t i, uint32_t apex, wh_trial *t)
 {
-	t->apex[t->nshared] = f->id[apex];
-	t->lost[t->nshared] = wh_v3(f->nx.at[face], f->ny.at[face], f->nz.at[face]);
+	t->apex[t->nshared] = apex;
+	t->lost[t->nshared] = wh_v3(face->x.at[i], face->y.at[i], face->z.at[i]);
 	t->nshared++;
 }
 
@@ -225,9 +225,9 @@ static void find_shared(const wh_fan *f, uint32_t i, wh_trial *t)
 	t->nshared = 0;
 	t->apex[1] = WH_NONE;
 	if (f->closed || i > 0)
-		note_shared(f, i, i > 0 ? i - 1 : f->n - 1, t);
+		note_shared(&f->before, i, f->id[i > 0 ? i - 1 : f->n - 1], t);
 	if (f->closed || i + 1 < f->n)
-		note_shared(f, i + 1, i + 1 < f->n ? i + 1 : 0, t);
+		note_shared(&f->after, i, f->id[i + 1 < f->n ? i + 1 : 0], t);
 }
 
 bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i, wh_trial *t)
@@ -236,12 +236,13 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 	t->into_locked = o->flag & WH_LOCKED;
 	t->u = t->into_locked ? hub : f->id[i];
 	t->v = t->into_locked ? f->id[i] : hub;
-	t->edge = wh_v3(f->x.at[i], f->y.at[i], f->z.at[i]);
+	t->edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
 	t->cost = f->cost.at[i];
 	t->weight = f->weight.at[i];
 	t->x = t->into_locked
 	           ? o->pos
-	           : new_position(e, h->pos, wh_v3(f->to_x.at[i], f->to_y.at[i], f->to_z.at[i]),
+	           : new_position(e, h->pos,
+	                          wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]),
 	                          t->edge);
 	t->to = wh_sub(t->x, h->pos);
 	find_shared(f, i, t);
@@ -257,33 +258,35 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 	}
 	if (!ok)
 		return false;
-	t->x_of.at[t->n] = t->x_of.at[0];
-	t->y_of.at[t->n] = t->y_of.at[0];
-	t->z_of.at[t->n] = t->z_of.at[0];
+	t->at.x.at[t->n] = t->at.x.at[0];
+	t->at.y.at[t->n] = t->at.y.at[0];
+	t->at.z.at[t->n] = t->at.z.at[0];
 	return true;
 }
 
 /* ---- turning faces ------------------------------------------------------------------------ */
 
 /* Area vectors of all faces before and after, and which of them turn too much. */
-WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_fan *restrict next, wh_vec3 mean)
+WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_vec3 mean)
 {
 	const wh_vec3 edge = t->edge, to = t->to;
-	const double *tx = t->x_of.at, *ty = t->y_of.at, *tz = t->z_of.at;
 	const size_t n = t->n;
-	for (size_t block = 0; block < n; block += WH_LANES)
+	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const size_t i = block + lane;
+			const size_t i = b + lane;
+			const double tx = t->at.x.at[i], ux = t->at.x.at[i + 1];
+			const double ty = t->at.y.at[i], uy = t->at.y.at[i + 1];
+			const double tz = t->at.z.at[i], uz = t->at.z.at[i + 1];
 			const double s = t->theirs.at[i];
-			const double ax = tx[i] - s * edge.x, bx = tx[i + 1] - s * edge.x;
-			const double ay = ty[i] - s * edge.y, by = ty[i + 1] - s * edge.y;
-			const double az = tz[i] - s * edge.z, bz = tz[i + 1] - s * edge.z;
+			const double ax = tx - s * edge.x, bx = ux - s * edge.x;
+			const double ay = ty - s * edge.y, by = uy - s * edge.y;
+			const double az = tz - s * edge.z, bz = uz - s * edge.z;
 			const double ox = ay * bz - az * by;
 			const double oy = az * bx - ax * bz;
 			const double oz = ax * by - ay * bx;
-			const double px = tx[i] - to.x, qx = tx[i + 1] - to.x;
-			const double py = ty[i] - to.y, qy = ty[i + 1] - to.y;
-			const double pz = tz[i] - to.z, qz = tz[i + 1] - to.z;
+			const double px = tx - to.x, qx = ux - to.x;
+			const double py = ty - to.y, qy = uy - to.y;
+			const double pz = tz - to.z, qz = uz - to.z;
 			const double nx = py * qz - pz * qy;
 			const double ny = pz * qx - px * qz;
 			const double nz = px * qy - py * qx;
@@ -296,40 +299,23 @@ WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_fan *restrict next, w
 			const bool turns = (o2 > 0) & !((d > 0) & (d * d >= least));
 			const bool passes = (side1 < 0) & (side0 >= 0);
 			t->bad.at[i] = turns | passes ? 1.0 : 0.0;
-			t->ox.at[i + 1] = ox;
-			t->oy.at[i + 1] = oy;
-			t->oz.at[i + 1] = oz;
-			next->x.at[i] = px;
-			next->y.at[i] = py;
-			next->z.at[i] = pz;
-			next->nx.at[i + 1] = nx;
-			next->ny.at[i + 1] = ny;
-			next->nz.at[i + 1] = nz;
+			t->old.x.at[i] = ox;
+			t->old.y.at[i] = oy;
+			t->old.z.at[i] = oz;
+			t->fresh.x.at[i] = nx;
+			t->fresh.y.at[i] = ny;
+			t->fresh.z.at[i] = nz;
 		}
 }
 
-/* Entry 0: the face before the first neighbour; and none behind the last of an open row. */
-static void close_row(double *row, const wh_trial *t)
-{
-	row[0] = row[t->n] = t->closed ? row[t->n] : 0;
-}
-
-bool wh_trial_sound(const wh_engine *e, wh_trial *t, wh_fan *next)
+bool wh_trial_sound(const wh_engine *e, wh_trial *t)
 {
 	const wh_star *u = &e->w->star[t->u], *v = &e->w->star[t->v];
-	turn(t, next, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n));
+	turn(t, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n));
 	double bad = 0;
 	for (uint32_t i = 0; i < t->faces; i++)
 		bad += t->bad.at[i];
-	if (bad > 0)
-		return false;
-	close_row(t->ox.at, t);
-	close_row(t->oy.at, t);
-	close_row(t->oz.at, t);
-	close_row(next->nx.at, t);
-	close_row(next->ny.at, t);
-	close_row(next->nz.at, t);
-	return true;
+	return !(bad > 0);
 }
 
 /* ---- distance ----------------------------------------------------------------------------- */
@@ -342,7 +328,7 @@ typedef struct stretch {
 
 static wh_vec3 neighbour(const wh_trial *t, uint32_t i)
 {
-	return wh_v3(t->x_of.at[i], t->y_of.at[i], t->z_of.at[i]);
+	return wh_v3(t->at.x.at[i], t->at.y.at[i], t->at.z.at[i]);
 }
 
 /* What face i comes to a point in: the hub or the other end before, the new place after. */
@@ -400,31 +386,46 @@ double wh_trial_distance(const wh_engine *e, const wh_trial *t)
 
 /* ---- making it so ------------------------------------------------------------------------- */
 
-/* What the sum of each neighbour gains: its new faces less those they were. */
-WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t, const wh_fan *restrict next)
+/* The face before a neighbour is the one after the neighbour before; 0 where there is none. */
+static void shift(const wh_trial *t, wh_row *after, wh_row *before)
 {
-	const double *nx = next->nx.at, *ny = next->ny.at, *nz = next->nz.at;
-	const double *ox = t->ox.at, *oy = t->oy.at, *oz = t->oz.at;
+	if (!t->closed)
+		after->at[t->faces] = 0;
+	before->at[0] = after->at[t->n - 1];
+	for (uint32_t i = 1; i < t->n; i++)
+		before->at[i] = after->at[i - 1];
+}
+
+static void shift3(const wh_trial *t, wh_rows3 *after, wh_rows3 *before)
+{
+	shift(t, &after->x, &before->x);
+	shift(t, &after->y, &before->y);
+	shift(t, &after->z, &before->z);
+}
+
+/* What the sum of each neighbour gains: its new faces less those they were. */
+WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t)
+{
 	const size_t n = t->n;
-	for (size_t block = 0; block < n; block += WH_LANES)
+	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const size_t i = block + lane;
-			const size_t k = i + 1;
-			t->gain[0].at[i] =
-			    nx[i] * nx[i] + nx[k] * nx[k] - (ox[i] * ox[i] + ox[k] * ox[k]);
-			t->gain[1].at[i] =
-			    nx[i] * ny[i] + nx[k] * ny[k] - (ox[i] * oy[i] + ox[k] * oy[k]);
-			t->gain[2].at[i] =
-			    nx[i] * nz[i] + nx[k] * nz[k] - (ox[i] * oz[i] + ox[k] * oz[k]);
-			t->gain[3].at[i] =
-			    ny[i] * ny[i] + ny[k] * ny[k] - (oy[i] * oy[i] + oy[k] * oy[k]);
-			t->gain[4].at[i] =
-			    ny[i] * nz[i] + ny[k] * nz[k] - (oy[i] * oz[i] + oy[k] * oz[k]);
-			t->gain[5].at[i] =
-			    nz[i] * nz[i] + nz[k] * nz[k] - (oz[i] * oz[i] + oz[k] * oz[k]);
-			t->gain[6].at[i] = nx[i] + nx[k] - (ox[i] + ox[k]);
-			t->gain[7].at[i] = ny[i] + ny[k] - (oy[i] + oy[k]);
-			t->gain[8].at[i] = nz[i] + nz[k] - (oz[i] + oz[k]);
+			const size_t i = b + lane;
+			const double nx = t->fresh.x.at[i], ny = t->fresh.y.at[i],
+			             nz = t->fresh.z.at[i];
+			const double px = t->fresh_before.x.at[i], py = t->fresh_before.y.at[i],
+			             pz = t->fresh_before.z.at[i];
+			const double ox = t->old.x.at[i], oy = t->old.y.at[i], oz = t->old.z.at[i];
+			const double qx = t->old_before.x.at[i], qy = t->old_before.y.at[i],
+			             qz = t->old_before.z.at[i];
+			t->gain[0].at[i] = nx * nx + px * px - (ox * ox + qx * qx);
+			t->gain[1].at[i] = nx * ny + px * py - (ox * oy + qx * qy);
+			t->gain[2].at[i] = nx * nz + px * pz - (ox * oz + qx * qz);
+			t->gain[3].at[i] = ny * ny + py * py - (oy * oy + qy * qy);
+			t->gain[4].at[i] = ny * nz + py * pz - (oy * oz + qy * qz);
+			t->gain[5].at[i] = nz * nz + pz * pz - (oz * oz + qz * qz);
+			t->gain[6].at[i] = nx + px - (ox + qx);
+			t->gain[7].at[i] = ny + py - (oy + qy);
+			t->gain[8].at[i] = nz + pz - (oz + qz);
 		}
 }
 
@@ -468,6 +469,7 @@ static void renew_neighbour(wh_engine *e, const wh_trial *t, uint32_t i)
 	sum->n.z += t->gain[8].at[i];
 	if (!s->closed || !(trace(sum) >= SUM_LOSS * was))
 		wh_sum_renew(e, t->id[i]);
+	s->guess *= trace(sum) / was;
 }
 
 /* The neighbours of the vertex that goes now have the one that stays; the apexes had it before. */
@@ -487,32 +489,25 @@ static wh_code renew_rings(wh_engine *e, const wh_trial *t)
 	return WH_OK;
 }
 
-wh_code wh_trial_commit(wh_engine *e, wh_trial *t, wh_fan *next)
+wh_code wh_trial_commit(wh_engine *e, wh_trial *t)
 {
-	wh_star *gone = &e->w->star[t->u], *kept = &e->w->star[t->v];
-	find_gains(t, next);
-	lose_shared(t);
+	const wh_star *gone = &e->w->star[t->u];
+	wh_star *kept = &e->w->star[t->v];
+	shift3(t, &t->old, &t->old_before);
+	shift3(t, &t->fresh, &t->fresh_before);
 	if (renew_rings(e, t) != WH_OK || wh_ring_set(e, t->u, NULL, 0) != WH_OK)
 		return e->c->err.code;
 	kept->pos = t->x;
 	if (!t->into_locked) {
 		kept->closed = t->closed;
 		kept->flag |= gone->flag & WH_BORDER;
-		next->n = t->n;
-		next->closed = t->closed;
-		next->x.at[t->n] = next->x.at[0];
-		next->y.at[t->n] = next->y.at[0];
-		next->z.at[t->n] = next->z.at[0];
-		memcpy(next->id, t->id, t->n * sizeof *t->id);
 		if (wh_ring_set(e, t->v, t->id, t->n) != WH_OK)
 			return e->c->err.code;
-		wh_fan_sum(next, &kept->sum);
 	}
-	for (uint32_t i = 0; i < t->n; i++) {
+	find_gains(t);
+	lose_shared(t);
+	for (uint32_t i = 0; i < t->n; i++)
 		if (!wh_is_locked(e, t->id[i]))
 			renew_neighbour(e, t, i);
-		if (!t->into_locked)
-			wh_fan_note(e, next, i, kept);
-	}
 	return WH_OK;
 }
