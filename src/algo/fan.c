@@ -93,8 +93,9 @@ INLINE wh_vec3 last_face(const wh_star *star, const uint32_t *ring, const wh_sta
 	                wh_sub(star[ring[0]].pos, hub->pos));
 }
 
-WH_VECTOR_CLONES static void take_out(const wh_star *restrict star, const uint32_t *restrict ring,
-                                      const wh_star *restrict hub, wh_fan *restrict f)
+/* Neighbours' positions and the faces between them; and their sums, where `sums`. */
+INLINE void take_out(const wh_star *restrict star, const uint32_t *restrict ring,
+                     const wh_star *restrict hub, bool sums, wh_fan *restrict f)
 {
 	const wh_vec3 c = hub->pos, close = last_face(star, ring, hub);
 	half carry[3] = {close.x - (half){0}, close.y - (half){0}, close.z - (half){0}};
@@ -107,14 +108,14 @@ WH_VECTOR_CLONES static void take_out(const wh_star *restrict star, const uint32
 		const wh_star *s[WH_LANES + 1];
 		half lo[4], hi[4], lo_on[3], hi_on[3], nlo[3], nhi[3];
 		find_block(star, ring, hub, b, s);
-		take_four(s, 1, lo, hi);
-		for (int k = 0; k < 4; k++)
-			store(rows[4 + k] + b, &lo[k], &hi[k]);
-		take_four(s, 2, lo, hi);
-		for (int k = 0; k < 4; k++)
-			store(rows[8 + k] + b, &lo[k], &hi[k]);
+		for (size_t four = 1; sums && four < 3; four++) {
+			take_four(s, four, lo, hi);
+			for (size_t k = 0; k < 4; k++)
+				store(rows[4 * four + k] + b, &lo[k], &hi[k]);
+		}
 		take_four(s, 0, lo, hi);
-		store(rows[3] + b, &lo[3], &hi[3]);
+		if (sums)
+			store(rows[3] + b, &lo[3], &hi[3]);
 		const double centre[3] = {c.x, c.y, c.z};
 		const double end[3] = {s[WH_LANES]->pos.x, s[WH_LANES]->pos.y, s[WH_LANES]->pos.z};
 		for (int k = 0; k < 3; k++) {
@@ -135,6 +136,18 @@ WH_VECTOR_CLONES static void take_out(const wh_star *restrict star, const uint32
 			carry[k] = nhi[k];
 		}
 	}
+}
+
+WH_VECTOR_CLONES static void take_all(const wh_star *restrict star, const uint32_t *restrict ring,
+                                      const wh_star *restrict hub, wh_fan *restrict f)
+{
+	take_out(star, ring, hub, true, f);
+}
+
+WH_VECTOR_CLONES static void take_faces(const wh_star *restrict star, const uint32_t *restrict ring,
+                                        const wh_star *restrict hub, wh_fan *restrict f)
+{
+	take_out(star, ring, hub, false, f);
 }
 
 /* Which edges are boundary edges, which lead to locked vertices, and which may not be collapsed. */
@@ -167,7 +180,7 @@ void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f)
 	f->id = wh_ring(e, v);
 	f->n = hub->n;
 	f->closed = hub->closed;
-	take_out(star, f->id, hub, f);
+	take_all(star, f->id, hub, f);
 	clear_edges(f);
 	unsigned flags = 0;
 	uint32_t most = 0;
@@ -212,16 +225,15 @@ INLINE void add_lanes(const half r[4], double *to)
 	memcpy(to, &sum, sizeof sum);
 }
 
-/* Lanes behind the last face hold nothing. */
-WH_VECTOR_CLONES static void sum_faces(const wh_fan *restrict f, double sum[restrict 12])
+WH_VECTOR_CLONES static void sum_faces(const wh_row *const face[3], size_t n,
+                                       double sum[restrict 12])
 {
 	half r[12] = {{0}};
-	const size_t n = f->n;
 	for (size_t i = 0; i < n; i += 4) {
 		half x, y, z;
-		memcpy(&x, &f->after.x.at[i], sizeof x);
-		memcpy(&y, &f->after.y.at[i], sizeof y);
-		memcpy(&z, &f->after.z.at[i], sizeof z);
+		memcpy(&x, &face[0]->at[i], sizeof x);
+		memcpy(&y, &face[1]->at[i], sizeof y);
+		memcpy(&z, &face[2]->at[i], sizeof z);
 		r[0] += x * x;
 		r[1] += x * y;
 		r[2] += x * z;
@@ -236,27 +248,17 @@ WH_VECTOR_CLONES static void sum_faces(const wh_fan *restrict f, double sum[rest
 		add_lanes(&r[4 * k], &sum[4 * k]);
 }
 
-void wh_fan_sum(const wh_fan *f, wh_vertex_sum *s)
+void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bool closed,
+                 wh_vertex_sum *s)
 {
 	double sum[12];
-	sum_faces(f, sum);
+	sum_faces(face, n, sum);
 	*s = (wh_vertex_sum){
 	    sum[0], sum[1], sum[2], sum[3], sum[4], sum[5], wh_v3(sum[6], sum[7], sum[8])};
-	if (f->closed)
+	if (closed)
 		return;
-	const uint32_t last = f->n - 1;
-	sum_boundary_edge(s, f->to.x.at[0], f->to.y.at[0], f->to.z.at[0]);
-	sum_boundary_edge(s, f->to.x.at[last], f->to.y.at[last], f->to.z.at[last]);
-}
-
-void wh_sum_renew(wh_engine *e, uint32_t v)
-{
-	wh_star *s = &e->w->star[v];
-	wh_fan *f = &e->w->fan;
-	f->n = s->n;
-	f->closed = s->closed;
-	take_out(e->w->star, wh_ring(e, v), s, f);
-	wh_fan_sum(f, &s->sum);
+	sum_boundary_edge(s, to->x.at[0], to->y.at[0], to->z.at[0]);
+	sum_boundary_edge(s, to->x.at[n - 1], to->y.at[n - 1], to->z.at[n - 1]);
 }
 
 /* ---- evaluation --------------------------------------------------------------------------- */
@@ -346,4 +348,42 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			f->cost.at[i] =
 			    (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2 + f->bar.at[i];
 		}
+}
+
+/* ---- guesses ------------------------------------------------------------------------------ */
+
+WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t n,
+                                            const wh_vertex_sum *restrict sum,
+                                            double *restrict cost)
+{
+	const wh_vertex_sum a = *sum;
+	const double tie = LENGTH_TIE * (a.xx + a.yy + a.zz);
+	for (size_t b = 0; b < n; b += WH_LANES)
+		for (size_t lane = 0; lane < WH_LANES; lane++) {
+			const size_t i = b + lane;
+			const double x = to->x.at[i], y = to->y.at[i], z = to->z.at[i];
+			const double form = x * (a.xx * x + 2.0 * (a.xy * y + a.xz * z)) +
+			                    y * (a.yy * y + 2.0 * a.yz * z) + z * a.zz * z;
+			cost[i] = (form > 0 ? form : 0.0) + tie * (x * x + y * y + z * z);
+		}
+}
+
+double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum)
+{
+	wh_row cost;
+	cost_of_moving(to, n, sum, cost.at);
+	double least = cost.at[0];
+	for (uint32_t i = 1; i < n; i++)
+		least = cost.at[i] < least ? cost.at[i] : least;
+	return least;
+}
+
+void wh_star_renew(wh_engine *e, uint32_t v)
+{
+	wh_star *s = &e->w->star[v];
+	wh_fan *f = &e->w->fan;
+	take_faces(e->w->star, wh_ring(e, v), s, f);
+	const wh_row *const face[3] = {&f->after.x, &f->after.y, &f->after.z};
+	wh_sum_make(&f->to, face, s->n, s->closed, &s->sum);
+	s->guess = wh_guess(&f->to, s->n, &s->sum);
 }

@@ -83,13 +83,13 @@ typedef struct wh_trial {
 	uint32_t n, faces;
 	bool closed;
 	uint32_t id[WH_ROW];
-	wh_row theirs;       /* 1 where face i was the other end's, 0 where it was the hub's */
-	wh_rows3 at;         /* neighbours; after the last of a closed ring the first again */
-	wh_rows3 old, fresh; /* area vectors of the face after each neighbour, as they were and
-	                        as they will be */
-	wh_rows3 old_before, fresh_before; /* of the face before it */
-	wh_row bad;                        /* 1 where face i turns too much */
-	wh_row gain[9];                    /* what the sum of neighbour i gains */
+	wh_row theirs;  /* 1 where face i was the other end's, 0 where it was the hub's */
+	wh_rows3 at;    /* neighbours; after the last of a closed ring the first again */
+	wh_rows3 spoke; /* neighbours from the new place */
+	/* area vectors, as they were and as they will be: i is of the face before neighbour i, i +
+	 * 1 of the one after it; 0 where there is none */
+	wh_rows3 old, fresh;
+	wh_row gain[9]; /* what the sum of neighbour i gains */
 } wh_trial;
 
 /* The place of a vertex among the pairs around another, while stars are built. */
@@ -174,11 +174,17 @@ void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f);
 /* Place and cost of the collapse of each edge. */
 void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub);
 
-/* The sum of the hub, from the fan's faces and, in an open fan, its two boundary edges. */
-void wh_fan_sum(const wh_fan *f, wh_vertex_sum *s);
+/* The sum of a vertex, from area vectors (0 behind the last face) and, when it is on the boundary,
+ * its two boundary edges; `n` neighbours at `to`. */
+void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bool closed,
+                 wh_vertex_sum *s);
 
-/* The sum of the free vertex v. The workspace's fan is lost. */
-void wh_sum_renew(wh_engine *e, uint32_t v);
+/* What the cheapest collapse of a vertex may cost, judged by what is around it alone: the cost of
+ * moving it to a neighbour. The truth is mostly between a thirtieth and the whole of that. */
+double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum);
+
+/* Sum and guess of the free vertex v. The workspace's fan is lost. */
+void wh_star_renew(wh_engine *e, uint32_t v);
 
 /* ---- trial.c ------------------------------------------------------------------------------ */
 
@@ -192,8 +198,7 @@ bool wh_trial_sound(const wh_engine *e, wh_trial *t);
 /* Estimate of the distance between the original surface and the one after the collapse. */
 double wh_trial_distance(const wh_engine *e, const wh_trial *t);
 
-/* Makes it so: rings, positions and sums; but the sum of the new vertex is the caller's to renew.
- * What was gathered of the hub before is lost. */
+/* Makes it so: rings, positions, sums and guesses. What was gathered of the hub before is lost. */
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
 
 #endif

@@ -283,7 +283,7 @@ wh_code wh_stars_build(wh_engine *e)
 	keep_still(e);
 	for (uint32_t v = 0; v < p->nv; v++)
 		if (w->star[v].n)
-			wh_sum_renew(e, v);
+			wh_star_renew(e, v);
 	return WH_OK;
 }
 

@@ -266,11 +266,12 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 
 /* ---- turning faces ------------------------------------------------------------------------ */
 
-/* Area vectors of all faces before and after, and which of them turn too much. */
-WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_vec3 mean)
+/* Area vectors of all faces before and after. Returns how many turn too much. */
+WH_VECTOR_CLONES static double turn(wh_trial *restrict t, wh_vec3 mean)
 {
 	const wh_vec3 edge = t->edge, to = t->to;
-	const size_t n = t->n;
+	const size_t n = t->n, faces = t->faces;
+	double bad[WH_LANES] = {0};
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const size_t i = b + lane;
@@ -298,24 +299,37 @@ WH_VECTOR_CLONES static void turn(wh_trial *restrict t, wh_vec3 mean)
 			const double least = MIN_COSINE * MIN_COSINE * o2 * n2;
 			const bool turns = (o2 > 0) & !((d > 0) & (d * d >= least));
 			const bool passes = (side1 < 0) & (side0 >= 0);
-			t->bad.at[i] = turns | passes ? 1.0 : 0.0;
-			t->old.x.at[i] = ox;
-			t->old.y.at[i] = oy;
-			t->old.z.at[i] = oz;
-			t->fresh.x.at[i] = nx;
-			t->fresh.y.at[i] = ny;
-			t->fresh.z.at[i] = nz;
+			const bool in = i < faces;
+			bad[lane] += in & (turns | passes) ? 1.0 : 0.0;
+			t->spoke.x.at[i] = px;
+			t->spoke.y.at[i] = py;
+			t->spoke.z.at[i] = pz;
+			t->old.x.at[i + 1] = in ? ox : 0.0;
+			t->old.y.at[i + 1] = in ? oy : 0.0;
+			t->old.z.at[i + 1] = in ? oz : 0.0;
+			t->fresh.x.at[i + 1] = in ? nx : 0.0;
+			t->fresh.y.at[i + 1] = in ? ny : 0.0;
+			t->fresh.z.at[i + 1] = in ? nz : 0.0;
 		}
+	return ((bad[0] + bad[4]) + (bad[2] + bad[6])) + ((bad[1] + bad[5]) + (bad[3] + bad[7]));
+}
+
+/* Before the first neighbour of a closed ring there is the face behind the last. */
+static void close_rows(wh_rows3 *r, uint32_t n)
+{
+	r->x.at[0] = r->x.at[n];
+	r->y.at[0] = r->y.at[n];
+	r->z.at[0] = r->z.at[n];
 }
 
 bool wh_trial_sound(const wh_engine *e, wh_trial *t)
 {
 	const wh_star *u = &e->w->star[t->u], *v = &e->w->star[t->v];
-	turn(t, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n));
-	double bad = 0;
-	for (uint32_t i = 0; i < t->faces; i++)
-		bad += t->bad.at[i];
-	return !(bad > 0);
+	if (turn(t, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n)) > 0)
+		return false;
+	close_rows(&t->old, t->n);
+	close_rows(&t->fresh, t->n);
+	return true;
 }
 
 /* ---- distance ----------------------------------------------------------------------------- */
@@ -386,37 +400,19 @@ double wh_trial_distance(const wh_engine *e, const wh_trial *t)
 
 /* ---- making it so ------------------------------------------------------------------------- */
 
-/* The face before a neighbour is the one after the neighbour before; 0 where there is none. */
-static void shift(const wh_trial *t, wh_row *after, wh_row *before)
-{
-	if (!t->closed)
-		after->at[t->faces] = 0;
-	before->at[0] = after->at[t->n - 1];
-	for (uint32_t i = 1; i < t->n; i++)
-		before->at[i] = after->at[i - 1];
-}
-
-static void shift3(const wh_trial *t, wh_rows3 *after, wh_rows3 *before)
-{
-	shift(t, &after->x, &before->x);
-	shift(t, &after->y, &before->y);
-	shift(t, &after->z, &before->z);
-}
-
 /* What the sum of each neighbour gains: its new faces less those they were. */
 WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t)
 {
 	const size_t n = t->n;
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const size_t i = b + lane;
-			const double nx = t->fresh.x.at[i], ny = t->fresh.y.at[i],
-			             nz = t->fresh.z.at[i];
-			const double px = t->fresh_before.x.at[i], py = t->fresh_before.y.at[i],
-			             pz = t->fresh_before.z.at[i];
-			const double ox = t->old.x.at[i], oy = t->old.y.at[i], oz = t->old.z.at[i];
-			const double qx = t->old_before.x.at[i], qy = t->old_before.y.at[i],
-			             qz = t->old_before.z.at[i];
+			const size_t i = b + lane, k = i + 1;
+			const double nx = t->fresh.x.at[i], px = t->fresh.x.at[k];
+			const double ny = t->fresh.y.at[i], py = t->fresh.y.at[k];
+			const double nz = t->fresh.z.at[i], pz = t->fresh.z.at[k];
+			const double ox = t->old.x.at[i], qx = t->old.x.at[k];
+			const double oy = t->old.y.at[i], qy = t->old.y.at[k];
+			const double oz = t->old.z.at[i], qz = t->old.z.at[k];
 			t->gain[0].at[i] = nx * nx + px * px - (ox * ox + qx * qx);
 			t->gain[1].at[i] = nx * ny + px * py - (ox * oy + qx * qy);
 			t->gain[2].at[i] = nx * nz + px * pz - (ox * oz + qx * qz);
@@ -467,9 +463,9 @@ static void renew_neighbour(wh_engine *e, const wh_trial *t, uint32_t i)
 	sum->n.x += t->gain[6].at[i];
 	sum->n.y += t->gain[7].at[i];
 	sum->n.z += t->gain[8].at[i];
-	if (!s->closed || !(trace(sum) >= SUM_LOSS * was))
-		wh_sum_renew(e, t->id[i]);
 	s->guess *= trace(sum) / was;
+	if (!s->closed || !(trace(sum) >= SUM_LOSS * was))
+		wh_star_renew(e, t->id[i]);
 }
 
 /* The neighbours of the vertex that goes now have the one that stays; the apexes had it before. */
@@ -489,20 +485,28 @@ static wh_code renew_rings(wh_engine *e, const wh_trial *t)
 	return WH_OK;
 }
 
+static void renew_kept(const wh_trial *t, wh_star *kept)
+{
+	const wh_row *const face[3] = {&t->fresh.x, &t->fresh.y, &t->fresh.z};
+	kept->closed = t->closed;
+	/* the rows begin with the face before the first neighbour, which for a closed ring is that
+	 * behind the last: n entries are all faces of either */
+	wh_sum_make(&t->spoke, face, t->n, t->closed, &kept->sum);
+	kept->guess = wh_guess(&t->spoke, t->n, &kept->sum);
+}
+
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t)
 {
 	const wh_star *gone = &e->w->star[t->u];
 	wh_star *kept = &e->w->star[t->v];
-	shift3(t, &t->old, &t->old_before);
-	shift3(t, &t->fresh, &t->fresh_before);
 	if (renew_rings(e, t) != WH_OK || wh_ring_set(e, t->u, NULL, 0) != WH_OK)
 		return e->c->err.code;
 	kept->pos = t->x;
 	if (!t->into_locked) {
-		kept->closed = t->closed;
 		kept->flag |= gone->flag & WH_BORDER;
 		if (wh_ring_set(e, t->v, t->id, t->n) != WH_OK)
 			return e->c->err.code;
+		renew_kept(t, kept);
 	}
 	find_gains(t);
 	lose_shared(t);
