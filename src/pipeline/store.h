@@ -20,13 +20,14 @@
  *                    vertices: global id (top bit: cut vertex, next bit: never free so far),
  *                    x, y, z, payload
  *
- * With global ids as corners, vertices may repeat and come in any order; every id that a face
- * uses is there. A cut vertex has the same id and position in every file that holds it; its error
- * bound may differ, and the largest holds.
+ * With global ids as corners, vertices may repeat and come in any order; else they ascend. Every
+ * id that a face uses is there. A cut vertex has the same id and position in every file that holds
+ * it; its error bound may differ, and the largest holds.
  */
 #ifndef WH_PIPELINE_STORE_H
 #define WH_PIPELINE_STORE_H
 
+#include "base/places.h"
 #include "io/spill.h"
 #include "mesh/patch.h"
 
@@ -89,18 +90,15 @@ uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8
 typedef struct wh_store_scratch {
 	uint8_t *raw; /* the file without its header */
 	size_t raw_cap;
-	uint64_t *order; /* of vertices that do not ascend in the file */
-	size_t order_cap;
-	uint32_t *index; /* from global ids to places */
-	size_t index_cap;
+	wh_places places;      /* of the vertices */
 	uint64_t unreferenced; /* of the last load: vertices of no face, not cut, dropped */
 } wh_store_scratch;
 
 /* Bytes of a scratch that loads clusters of these counts. */
 static inline size_t wh_store_scratch_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
 {
-	return (size_t)nf * wh_store_face_bytes(s) +
-	       (size_t)nv * (wh_store_vertex_bytes(s) + 8 + 8) + 1024;
+	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s) +
+	       wh_places_bytes(nv, s->id_bytes == 4 ? 30 : 32) + 1024;
 }
 
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
