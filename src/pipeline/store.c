@@ -10,7 +10,13 @@
 #define XXH_STATIC_LINKING_ONLY /* the size of its state */
 #include <xxhash.h>
 
-enum { VERSION = 2, NAME_BYTES = 64 };
+enum {
+	VERSION = 2,
+	NAME_BYTES = 64,
+	SAVE_BUFFER = 256 * 1024,
+	BATCH = 256,             /* vertices encoded at a time */
+	VERTEX_MOST = 8 + 24 + 4 /* bytes of a vertex */
+};
 static const char MAGIC[8] = {'W', 'H', 'C', 'L', 'U', 'S', 'T', '1'};
 
 typedef struct header {
@@ -22,9 +28,6 @@ typedef struct header {
 _Static_assert(sizeof(header) == 64, "the header has the documented size");
 
 enum { ABSENT = 128 }; /* in the flags of vertices whose record has not been met yet */
-
-/* The top two bits of a stored id hold flags. */
-enum { ID_BITS32 = 30, ID_BITS64 = 62 };
 
 static void file_name(const wh_store *s, uint32_t cluster, bool part, char name[NAME_BYTES])
 {
@@ -67,22 +70,34 @@ static wh_code write_at(wh_ctx *c, const wh_store *s, uint32_t cluster, const vo
 	return code;
 }
 
+static wh_code write_out(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
+                         const uint8_t *bytes, size_t n)
+{
+	if (n == 0)
+		return WH_OK;
+	(void)XXH3_64bits_update(w->hash, bytes, n);
+	if (write_at(c, s, cluster, bytes, n, w->off) != WH_OK)
+		return c->err.code;
+	w->off += n;
+	return WH_OK;
+}
+
 static wh_code flush(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w)
 {
-	if (w->used == 0)
-		return WH_OK;
-	(void)XXH3_64bits_update(w->hash, w->buf, w->used);
-	if (write_at(c, s, cluster, w->buf, w->used, w->off) != WH_OK)
-		return c->err.code;
-	w->off += w->used;
+	const size_t n = w->used;
 	w->used = 0;
-	return WH_OK;
+	return write_out(c, s, cluster, w, w->buf, n);
 }
 
 wh_code wh_store_append(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                         const void *bytes, size_t n)
 {
 	const uint8_t *from = bytes;
+	if (w->used == 0 && n >= w->cap) { /* as good as a full buffer */
+		if (write_out(c, s, cluster, w, from, n) != WH_OK)
+			return c->err.code;
+		n = 0;
+	}
 	while (n > 0) {
 		const size_t room = w->cap - w->used;
 		const size_t take = n < room ? n : room;
@@ -129,49 +144,17 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w)
 	w->hash = NULL;
 }
 
-uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3])
-{
-	if (s->id_bytes == 4) {
-		const uint32_t narrow[3] = {(uint32_t)gid[0], (uint32_t)gid[1], (uint32_t)gid[2]};
-		memcpy(at, narrow, sizeof narrow);
-		return at + sizeof narrow;
-	}
-	memcpy(at, gid, 3 * sizeof *gid);
-	return at + 3 * sizeof *gid;
-}
-
-uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
-                             wh_vec3 pos, float err)
-{
-	const unsigned bits = (flag & WH_CUT ? 2U : 0U) | (flag & WH_NEVER ? 1U : 0U);
-	if (s->id_bytes == 4) {
-		const uint32_t id = (uint32_t)gid | bits << ID_BITS32;
-		memcpy(at, &id, 4);
-	} else {
-		const uint64_t id = gid | (uint64_t)bits << ID_BITS64;
-		memcpy(at, &id, 8);
-	}
-	at += s->id_bytes;
-	if (s->coord_bytes == 4) {
-		const float xyz[3] = {(float)pos.x, (float)pos.y, (float)pos.z};
-		memcpy(at, xyz, sizeof xyz);
-	} else {
-		memcpy(at, &pos, sizeof pos);
-	}
-	at += 3 * (size_t)s->coord_bytes;
-	if (s->vertex_payload)
-		memcpy(at, &err, 4);
-	return at + s->vertex_payload;
-}
-
 static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                              const wh_patch *p)
 {
-	uint8_t record[64];
-	for (uint32_t v = 0; v < p->nv; v++) {
-		const uint8_t *end =
-		    wh_store_put_vertex(s, record, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
-		if (wh_store_append(c, s, cluster, w, record, (size_t)(end - record)) != WH_OK)
+	uint8_t batch[BATCH * VERTEX_MOST];
+	for (uint32_t v = 0; v < p->nv;) {
+		const uint32_t end = p->nv - v < BATCH ? p->nv : v + BATCH;
+		uint8_t *at = batch;
+		for (; v < end; v++)
+			at =
+			    wh_store_put_vertex(s, at, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
+		if (wh_store_append(c, s, cluster, w, batch, (size_t)(at - batch)) != WH_OK)
 			return c->err.code;
 	}
 	w->vertices = p->nv;
@@ -181,7 +164,7 @@ static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_
 wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_patch *p)
 {
 	wh_store_writer w;
-	if (wh_store_begin(c, s, cluster, &w, (size_t)1 << 20) != WH_OK)
+	if (wh_store_begin(c, s, cluster, &w, SAVE_BUFFER) != WH_OK)
 		return c->err.code;
 	w.faces = p->nf;
 	if (wh_store_append(c, s, cluster, &w, p->tri, 3 * sizeof *p->tri * p->nf) != WH_OK ||
@@ -193,6 +176,17 @@ wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_p
 }
 
 /* ---- loading ------------------------------------------------------------------------------ */
+
+static size_t body_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
+{
+	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s);
+}
+
+wh_code wh_store_scratch_fit(wh_ctx *c, const wh_store *s, wh_store_scratch *scratch, uint64_t nv,
+                             uint64_t nf)
+{
+	return wh_renew(c, &scratch->raw, &scratch->raw_cap, body_bytes(s, nv, nf), 1);
+}
 
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s)
 {
@@ -232,8 +226,7 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 		return wh_failed(c);
 	wh_code code = read_header(c, s, fd, name, h);
 	if (code == WH_OK) {
-		const size_t n = (size_t)h->faces * wh_store_face_bytes(s) +
-		                 (size_t)h->vertices * wh_store_vertex_bytes(s);
+		const size_t n = body_bytes(s, h->vertices, h->faces);
 		struct stat st; /* no memory for counts that the file does not hold */
 		if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != sizeof *h + n)
 			code = damaged(c, s, name);
@@ -255,12 +248,12 @@ static uint64_t record_gid(const uint8_t *at, uint32_t id_bytes, uint8_t *flag)
 	if (id_bytes == 4) {
 		uint32_t narrow;
 		memcpy(&narrow, at, 4);
-		bits = narrow >> ID_BITS32;
-		id = narrow & (((uint32_t)1 << ID_BITS32) - 1);
+		bits = narrow >> WH_STORE_BITS32;
+		id = narrow & (((uint32_t)1 << WH_STORE_BITS32) - 1);
 	} else {
 		memcpy(&id, at, 8);
-		bits = (unsigned)(id >> ID_BITS64);
-		id &= ((uint64_t)1 << ID_BITS64) - 1;
+		bits = (unsigned)(id >> WH_STORE_BITS64);
+		id &= ((uint64_t)1 << WH_STORE_BITS64) - 1;
 	}
 	*flag = (uint8_t)((bits & 2 ? WH_CUT : 0) | (bits & 1 ? WH_NEVER : 0));
 	return id;
