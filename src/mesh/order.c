@@ -33,9 +33,8 @@ static void curve_places(const wh_patch *p, place *at)
 {
 	wh_vec3 lo = p->nv ? p->pos[0] : wh_v3(0, 0, 0), hi = lo;
 	for (uint32_t v = 1; v < p->nv; v++) {
-		const wh_vec3 q = p->pos[v];
-		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
-		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
+		lo = wh_lower(lo, p->pos[v]);
+		hi = wh_upper(hi, p->pos[v]);
 	}
 	const double side = fmax(hi.x - lo.x, fmax(hi.y - lo.y, hi.z - lo.z));
 	const double scale = side > 0 ? 2097151.0 / side : 0;

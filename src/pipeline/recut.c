@@ -257,12 +257,14 @@ static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	        WH_OK)
 		return c->err.code;
 	const wh_patch *p = &h->patch;
+	for (uint32_t f = 0; f < p->nf; f++)
+		wh_parcel_add(&h->out, h->cell[f]);
+	wh_parcel_lay_out(&h->out);
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
-		(void)wh_store_put_face(r->to, wh_parcel_add(&h->out, h->cell[f]), gid);
+		(void)wh_store_put_face(r->to, wh_parcel_put(&h->out, f), gid);
 	}
-	wh_parcel_sort(&h->out);
 	return WH_OK;
 }
 
@@ -314,11 +316,14 @@ static wh_code list_users(wh_ctx *c, recut_hand *h)
 	return WH_OK;
 }
 
-static void send_vertex(const recut *r, recut_hand *h, uint32_t v, uint32_t cluster)
+/* Adds vertex v once for every cluster that uses it; *at: the first of h->list that is not its. */
+static void add_vertex(recut_hand *h, uint32_t v, size_t *at)
 {
-	const wh_patch *p = &h->patch;
-	(void)wh_store_put_vertex(r->to, wh_parcel_add(&h->out, cluster), p->gid[v], p->flag[v],
-	                          p->pos[v], p->err[v]);
+	if (h->user[v] != SEVERAL)
+		wh_parcel_add(&h->out, h->user[v]);
+	for (; *at < h->n_list && wh_visit_vertex(h->list[*at]) == v; ++*at)
+		wh_parcel_add(&h->out, wh_visit_cluster(h->list[*at]));
+	h->user[v] = (uint32_t)h->out.n; /* from now on: the records up to and with its own */
 }
 
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -333,13 +338,14 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	                    p->nv + h->n_list) != WH_OK)
 		return c->err.code;
 	size_t at = 0;
-	for (uint32_t v = 0; v < p->nv; v++) {
-		if (h->user[v] != SEVERAL)
-			send_vertex(r, h, v, h->user[v]);
-		for (; at < h->n_list && wh_visit_vertex(h->list[at]) == v; at++)
-			send_vertex(r, h, v, wh_visit_cluster(h->list[at]));
-	}
-	wh_parcel_sort(&h->out);
+	for (uint32_t v = 0; v < p->nv; v++)
+		add_vertex(h, v, &at);
+	wh_parcel_lay_out(&h->out);
+	size_t i = 0;
+	for (uint32_t v = 0; v < p->nv; v++)
+		for (; i < h->user[v]; i++)
+			(void)wh_store_put_vertex(r->to, wh_parcel_put(&h->out, i), p->gid[v],
+			                          p->flag[v], p->pos[v], p->err[v]);
 	return WH_OK;
 }
 
