@@ -31,6 +31,33 @@ static int compare_double(const void *a, const void *b)
 	return (x > y) - (x < y);
 }
 
+/* Value of a rank among n values, which are reordered (as select_rank, below). */
+static double value_of_rank(double *value, size_t n, size_t rank)
+{
+	size_t lo = 0, hi = n - 1;
+	while (lo < hi) {
+		const double a = value[lo], b = value[lo + (hi - lo) / 2], d = value[hi];
+		const double pivot = fmax(fmin(a, b), fmin(fmax(a, b), d));
+		size_t i = lo, j = hi;
+		for (;;) {
+			while (value[i] < pivot)
+				i++;
+			while (value[j] > pivot)
+				j--;
+			if (i >= j)
+				break;
+			const double t = value[i];
+			value[i++] = value[j];
+			value[j--] = t;
+		}
+		if (rank <= j)
+			hi = j;
+		else
+			lo = j + 1;
+	}
+	return value[rank];
+}
+
 double wh_kd_spread(const wh_kdpoint *point, size_t n, uint32_t axis)
 {
 	if (n == 0)
@@ -39,8 +66,8 @@ double wh_kd_spread(const wh_kdpoint *point, size_t n, uint32_t axis)
 	const size_t m = n < PROBES ? n : PROBES;
 	for (size_t i = 0; i < m; i++)
 		value[i] = axis_of(&point[i * (n / m)], axis);
-	qsort(value, m, sizeof *value, compare_double);
-	return value[m - 1 - m / 20] - value[m / 20];
+	const double low = value_of_rank(value, m, m / 20);
+	return value_of_rank(value, m, m - 1 - m / 20) - low;
 }
 
 static uint32_t widest_axis(const wh_kdpoint *point, size_t n)

@@ -65,11 +65,13 @@ static inline double wh_kd_axis(const wh_vec3 *p, double id, uint32_t axis)
 /* The cell that the point `id` at p lies in. */
 static inline uint32_t wh_kdtree_cell(const wh_kdtree *t, const wh_vec3 *p, uint64_t id)
 {
-	uint32_t i = 0;
-	while (t->node[i].axis != WH_KD_CELL)
-		i = wh_kd_axis(p, (double)id, t->node[i].axis) < t->node[i].cut ? i + 1
-		                                                                : t->node[i].right;
-	return t->node[i].right;
+	const double at[4] = {p->x, p->y, p->z, (double)id};
+	const wh_kdnode *node = t->node;
+	while (node->axis != WH_KD_CELL) { /* written so that the step is computed, not jumped to */
+		const size_t right = node->right - (size_t)(node - t->node);
+		node += at[node->axis] < node->cut ? 1 : right;
+	}
+	return node->right;
 }
 
 /* The cell of a triangle whose corners lie in cells a, b and d: that of most corners; the least of

@@ -28,6 +28,17 @@ static inline wh_vec3 wh_scale(wh_vec3 a, double s)
 	return wh_v3(a.x * s, a.y * s, a.z * s);
 }
 
+/* Corners of a box around two: a's coordinates where b's are not beyond them. */
+static inline wh_vec3 wh_lower(wh_vec3 a, wh_vec3 b)
+{
+	return wh_v3(b.x < a.x ? b.x : a.x, b.y < a.y ? b.y : a.y, b.z < a.z ? b.z : a.z);
+}
+
+static inline wh_vec3 wh_upper(wh_vec3 a, wh_vec3 b)
+{
+	return wh_v3(b.x > a.x ? b.x : a.x, b.y > a.y ? b.y : a.y, b.z > a.z ? b.z : a.z);
+}
+
 static inline double wh_dot(wh_vec3 a, wh_vec3 b)
 {
 	return a.x * b.x + a.y * b.y + a.z * b.z;

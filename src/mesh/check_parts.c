@@ -102,15 +102,14 @@ void wh_check_box_end(wh_check *r)
 
 void wh_check_box_join(wh_check *r, const wh_check *other)
 {
-	const wh_vec3 lo = other->lo, hi = other->hi;
-	r->lo = wh_v3(fmin(r->lo.x, lo.x), fmin(r->lo.y, lo.y), fmin(r->lo.z, lo.z));
-	r->hi = wh_v3(fmax(r->hi.x, hi.x), fmax(r->hi.y, hi.y), fmax(r->hi.z, hi.z));
+	r->lo = wh_lower(r->lo, other->lo);
+	r->hi = wh_upper(r->hi, other->hi);
 }
 
 static void grow_box(wh_check *r, wh_vec3 p)
 {
-	r->lo = wh_v3(fmin(r->lo.x, p.x), fmin(r->lo.y, p.y), fmin(r->lo.z, p.z));
-	r->hi = wh_v3(fmax(r->hi.x, p.x), fmax(r->hi.y, p.y), fmax(r->hi.z, p.z));
+	r->lo = wh_lower(r->lo, p);
+	r->hi = wh_upper(r->hi, p);
 }
 
 static void count_vertices(wh_checker *k)

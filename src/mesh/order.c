@@ -4,10 +4,7 @@
 
 #include <string.h>
 
-typedef struct place {
-	uint64_t key;
-	uint32_t v;
-} place;
+typedef wh_order_place place;
 
 /* Least significant digit first, 11 bits at a time. Leaves the result in `a`. */
 static wh_code sort_places(wh_ctx *c, place *a, place *b, uint32_t n)
@@ -33,9 +30,8 @@ static void curve_places(const wh_patch *p, place *at)
 {
 	wh_vec3 lo = p->nv ? p->pos[0] : wh_v3(0, 0, 0), hi = lo;
 	for (uint32_t v = 1; v < p->nv; v++) {
-		const wh_vec3 q = p->pos[v];
-		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
-		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
+		lo = wh_lower(lo, p->pos[v]);
+		hi = wh_upper(hi, p->pos[v]);
 	}
 	const double side = fmax(hi.x - lo.x, fmax(hi.y - lo.y, hi.z - lo.z));
 	const double scale = side > 0 ? 2097151.0 / side : 0;
@@ -114,24 +110,35 @@ size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf)
 	       (size_t)nf * 3 * sizeof(uint32_t);
 }
 
-wh_code wh_patch_order(wh_ctx *c, wh_patch *p)
+static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_work *w)
+{
+	if (wh_renew(c, &w->at, &w->at_cap, 2 * (size_t)p->nv, sizeof(place)) != WH_OK ||
+	    wh_renew(c, &w->map, &w->map_cap, (size_t)p->nv + 1, sizeof *w->map) != WH_OK ||
+	    wh_renew(c, &w->room, &w->room_cap, p->nv, sizeof *w->room) != WH_OK ||
+	    wh_renew(c, &w->tri, &w->tri_cap, 3 * (size_t)p->nf, sizeof *w->tri) != WH_OK)
+		return c->err.code;
+	return WH_OK;
+}
+
+void wh_order_work_free(wh_ctx *c, wh_order_work *w)
+{
+	wh_free(c, w->at);
+	wh_free(c, w->map);
+	wh_free(c, w->room);
+	wh_free(c, w->tri);
+	*w = (wh_order_work){0};
+}
+
+wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w)
 {
 	if (p->nv == 0)
 		return WH_OK; /* an empty cell may have no arrays */
-	place *at = wh_alloc(c, p->nv, 2 * sizeof *at);
-	uint32_t *map = wh_alloc(c, (size_t)p->nv + 1, sizeof *map);
-	wh_vec3 *room = wh_alloc(c, p->nv, sizeof *room);
-	uint32_t *tri = wh_alloc(c, p->nf, 3 * sizeof *tri);
-	if (at && map && room && tri) {
-		curve_places(p, at);
-		if (sort_places(c, at, at + p->nv, p->nv) == WH_OK) {
-			permute(p, at, map, room);
-			(void)renumber(c, p, map, tri);
-		}
-	}
-	wh_free(c, at);
-	wh_free(c, map);
-	wh_free(c, room);
-	wh_free(c, tri);
-	return c->err.code;
+	if (make_room(c, p, w) != WH_OK)
+		return c->err.code;
+	place *at = w->at;
+	curve_places(p, at);
+	if (sort_places(c, at, at + p->nv, p->nv) != WH_OK)
+		return c->err.code;
+	permute(p, at, w->map, w->room);
+	return renumber(c, p, w->map, w->tri);
 }

@@ -9,8 +9,24 @@
 
 #include "mesh/patch.h"
 
+/* A vertex on the curve. */
+typedef struct wh_order_place {
+	uint64_t key;
+	uint32_t v;
+} wh_order_place;
+
+/* Scratch, grown as needed and reused; zero-initialise. */
+typedef struct wh_order_work {
+	wh_order_place *at; /* twice the vertices */
+	uint32_t *map;
+	wh_vec3 *room;
+	uint32_t *tri;
+	size_t at_cap, map_cap, room_cap, tri_cap;
+} wh_order_work;
+
 /* Reorders p in place; faces are turned so that their least vertex comes first. */
-wh_code wh_patch_order(wh_ctx *c, wh_patch *p);
+wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w);
+void wh_order_work_free(wh_ctx *c, wh_order_work *w);
 
 /* Bytes that takes besides the patch. */
 size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf);

@@ -29,23 +29,37 @@ void wh_patch_free(wh_ctx *c, wh_patch *p)
 	*p = (wh_patch){0};
 }
 
+/* Without a branch: where a vertex goes, the next one goes as well if nobody uses it. */
+static uint32_t close_ranks(const wh_patch *p, uint32_t *map)
+{
+	wh_vec3 *pos = p->pos;
+	uint64_t *gid = p->gid;
+	uint8_t *flag = p->flag;
+	float *err = p->err;
+	const uint32_t nv = p->nv;
+	uint32_t live = 0;
+	for (uint32_t v = 0; v < nv; v++) {
+		pos[live] = pos[v];
+		gid[live] = gid[v];
+		flag[live] = flag[v];
+		err[live] = err[v];
+		const uint32_t used = map[v];
+		map[v] = live;
+		live += used;
+	}
+	return live;
+}
+
 uint32_t wh_patch_compact(wh_patch *p, uint32_t *map)
 {
+	const size_t corners = 3 * (size_t)p->nf;
+	uint32_t *tri = p->tri;
 	memset(map, 0, (size_t)p->nv * sizeof *map);
-	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		map[p->tri[i]] = 1;
-	uint32_t live = 0;
-	for (uint32_t v = 0; v < p->nv; v++) {
-		if (!map[v])
-			continue;
-		p->pos[live] = p->pos[v];
-		p->gid[live] = p->gid[v];
-		p->flag[live] = p->flag[v];
-		p->err[live] = p->err[v];
-		map[v] = live++;
-	}
-	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		p->tri[i] = map[p->tri[i]];
+	for (size_t i = 0; i < corners; i++)
+		map[tri[i]] = 1;
+	const uint32_t live = close_ranks(p, map);
+	for (size_t i = 0; i < corners; i++)
+		tri[i] = map[tri[i]];
 	const uint32_t dropped = p->nv - live;
 	p->nv = live;
 	return dropped;

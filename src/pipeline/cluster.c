@@ -11,11 +11,17 @@ enum { SAMPLE = 16 * 1024 }; /* points that a cut is worked out from */
 /* Fraction of the cells left of a cut: not half, so that these cuts are not the clusters' own. */
 static const double SKEW = 0.45;
 
+/* What is known of a vertex of the cluster. */
+typedef struct seat {
+	uint32_t owner; /* the micro-cluster that uses it, WH_NONE, or SHARED */
+	uint32_t local; /* its place in the micro-cluster at hand, or WH_NONE; while the faces are
+	                   grouped, the cell that it lies in */
+} seat;
+
 struct wh_cluster_work {
 	wh_simplify_work *simplify;
 	wh_patch micro;
-	uint32_t *owner; /* per vertex: the micro-cluster that uses it, WH_NONE, or SHARED */
-	uint32_t *local; /* per vertex: its place in the micro-cluster at hand, or WH_NONE */
+	seat *seat; /* per vertex */
 	size_t cap_v;
 	uint32_t *tri;  /* faces grouped by micro-cluster */
 	uint32_t *cell; /* per face */
@@ -42,8 +48,7 @@ void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w)
 		return;
 	wh_simplify_work_free(c, w->simplify);
 	wh_patch_free(c, &w->micro);
-	wh_free(c, w->owner);
-	wh_free(c, w->local);
+	wh_free(c, w->seat);
 	wh_free(c, w->tri);
 	wh_free(c, w->cell);
 	wh_free(c, w->start);
@@ -59,9 +64,8 @@ size_t wh_cluster_bytes(uint64_t nv, uint64_t nf)
 
 static wh_code fit(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
 {
-	size_t cap_owner = w->cap_v, cap_tri = w->cap_f;
-	if (wh_reserve(c, &w->owner, &cap_owner, p->nv, sizeof *w->owner) != WH_OK ||
-	    wh_reserve(c, &w->local, &w->cap_v, p->nv, sizeof *w->local) != WH_OK ||
+	size_t cap_tri = w->cap_f;
+	if (wh_reserve(c, &w->seat, &w->cap_v, p->nv, sizeof *w->seat) != WH_OK ||
 	    wh_reserve(c, &w->tri, &cap_tri, p->nf, 3 * sizeof *w->tri) != WH_OK ||
 	    wh_reserve(c, &w->cell, &w->cap_f, p->nf, sizeof *w->cell) != WH_OK)
 		return c->err.code;
@@ -85,34 +89,39 @@ static wh_code cut_tree(wh_ctx *c, const wh_patch *p, uint32_t cells, wh_kdtree 
 }
 
 /* The cell of two corners, else of the first: these cuts need no more. */
-static uint32_t face_cell(const uint32_t *home, const uint32_t *t)
+static uint32_t face_cell(const seat *a, const seat *b, const seat *d)
 {
-	const uint32_t a = home[t[0]], b = home[t[1]], d = home[t[2]];
-	return b == d ? b : a;
+	return b->local == d->local ? b->local : a->local;
+}
+
+static void note_user(seat *s, uint32_t cell)
+{
+	s->owner = s->owner == WH_NONE || s->owner == cell ? cell : SHARED;
+}
+
+/* Finds the cell of each face and the owner of each vertex, and counts the faces of each cell. */
+static void place_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+{
+	memset(w->start, 0, ((size_t)cells + 2) * sizeof *w->start);
+	for (uint32_t f = 0; f < p->nf; f++) {
+		const uint32_t *t = &p->tri[3 * (size_t)f];
+		seat *a = &w->seat[t[0]], *b = &w->seat[t[1]], *d = &w->seat[t[2]];
+		const uint32_t cell = face_cell(a, b, d);
+		note_user(a, cell);
+		note_user(b, cell);
+		note_user(d, cell);
+		w->cell[f] = cell;
+		w->start[cell + 2]++;
+	}
 }
 
 static void group_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
 {
-	memset(w->start, 0, ((size_t)cells + 2) * sizeof *w->start);
-	for (uint32_t f = 0; f < p->nf; f++) {
-		w->cell[f] = face_cell(w->local, &p->tri[3 * (size_t)f]);
-		w->start[w->cell[f] + 2]++;
-	}
 	for (uint32_t k = 0; k < cells; k++)
 		w->start[k + 2] += w->start[k + 1];
 	for (uint32_t f = 0; f < p->nf; f++) /* start[k+1] runs from k's begin to its end */
 		memcpy(&w->tri[3 * (size_t)w->start[w->cell[f] + 1]++], &p->tri[3 * (size_t)f],
 		       3 * sizeof *w->tri);
-}
-
-static void find_owners(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
-{
-	memset(w->owner, 0xff, p->nv * sizeof *w->owner);
-	for (uint32_t k = 0; k < cells; k++)
-		for (size_t i = 3 * (size_t)w->start[k]; i < 3 * (size_t)w->start[k + 1]; i++) {
-			uint32_t *o = &w->owner[w->tri[i]];
-			*o = *o == WH_NONE || *o == k ? k : SHARED;
-		}
 }
 
 /* Groups the faces of p by micro-cluster into w->tri and finds who uses each vertex. */
@@ -124,11 +133,12 @@ static wh_code cut(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t ce
 	if (cut_tree(c, p, cells, &tree) != WH_OK)
 		return c->err.code;
 	for (uint32_t v = 0; v < p->nv; v++)
-		w->local[v] = wh_kdtree_cell(&tree, &p->pos[v], v);
+		w->seat[v] = (seat){WH_NONE, wh_kdtree_cell(&tree, &p->pos[v], v)};
 	wh_kdtree_free(c, &tree);
+	place_faces(w, p, cells);
 	group_faces(w, p, cells);
-	find_owners(w, p, cells);
-	memset(w->local, 0xff, p->nv * sizeof *w->local);
+	for (uint32_t v = 0; v < p->nv; v++)
+		w->seat[v].local = WH_NONE;
 	return WH_OK;
 }
 
@@ -146,20 +156,21 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 	uint32_t nv = 0;
 	for (size_t i = 0; i < 3 * (size_t)nf; i++) {
 		const uint32_t v = from[i];
-		if (w->local[v] == WH_NONE) {
-			w->local[v] = nv;
+		seat *s = &w->seat[v];
+		if (s->local == WH_NONE) {
+			s->local = nv;
 			m->pos[nv] = p->pos[v];
 			m->err[nv] = p->err[v];
 			m->gid[nv] = v;
 			m->flag[nv] =
-			    (uint8_t)((p->flag[v] & WH_CUT) | (w->owner[v] == SHARED ? WH_CUT : 0));
+			    (uint8_t)((p->flag[v] & WH_CUT) | (s->owner == SHARED ? WH_CUT : 0));
 			nv++;
 		}
-		m->tri[i] = w->local[v];
+		m->tri[i] = s->local;
 	}
 	m->nv = nv;
 	for (uint32_t i = 0; i < nv; i++)
-		w->local[m->gid[i]] = WH_NONE;
+		w->seat[m->gid[i]].local = WH_NONE;
 	return WH_OK;
 }
 
@@ -194,7 +205,7 @@ static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 		wh_simplify_result_add(result, &one);
 	}
 	p->nf = nf;
-	(void)wh_patch_compact(p, w->local);
+	(void)wh_patch_compact(p, &w->seat->owner); /* seats are free now */
 	return WH_OK;
 }
 

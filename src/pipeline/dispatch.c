@@ -16,8 +16,7 @@ wh_code wh_parcel_begin(wh_ctx *c, wh_parcel *p, uint32_t clusters, size_t size,
 			return c->err.code;
 	}
 	if (wh_renew(c, &p->record, &p->record_cap, room * size, 1) != WH_OK ||
-	    wh_renew(c, &p->cluster, &p->cluster_cap, room, sizeof *p->cluster) != WH_OK ||
-	    wh_renew(c, &p->sorted, &p->sorted_cap, room * size, 1) != WH_OK)
+	    wh_renew(c, &p->cluster, &p->cluster_cap, room, sizeof *p->cluster) != WH_OK)
 		return c->err.code;
 	return WH_OK;
 }
@@ -26,20 +25,17 @@ void wh_parcel_free(wh_ctx *c, wh_parcel *p)
 {
 	wh_free(c, p->record);
 	wh_free(c, p->cluster);
-	wh_free(c, p->sorted);
 	wh_free(c, p->start);
 	*p = (wh_parcel){0};
 }
 
 size_t wh_parcel_bytes(uint32_t clusters, size_t size, size_t room)
 {
-	return room * (2 * size + sizeof(uint16_t)) + ((size_t)clusters + 1) * sizeof(uint32_t) +
-	       256;
+	return room * (size + sizeof(uint16_t)) + ((size_t)clusters + 1) * sizeof(uint32_t) + 256;
 }
 
-/* Counting sort. While records are placed, start[k + 1] is where the next one of k goes, so that
- * it ends where those of k end: where those of k + 1 start. */
-void wh_parcel_sort(wh_parcel *p)
+/* Counting sort, its first half: start[k + 1] becomes the start of k's records. */
+void wh_parcel_lay_out(wh_parcel *p)
 {
 	uint32_t *start = p->start;
 	memset(start, 0, ((size_t)p->clusters + 1) * sizeof *start);
@@ -50,10 +46,6 @@ void wh_parcel_sort(wh_parcel *p)
 		const uint32_t count = start[k];
 		start[k] = sum;
 		sum += count;
-	}
-	for (size_t i = 0; i < p->n; i++) {
-		const size_t to = start[p->cluster[i] + 1]++;
-		memcpy(p->sorted + to * p->size, p->record + i * p->size, p->size);
 	}
 }
 
@@ -96,7 +88,7 @@ void wh_dispatch_drop(wh_ctx *c, wh_dispatch *d)
 static wh_code append(wh_ctx *c, const wh_dispatch *d, const wh_parcel *p, uint32_t k, uint32_t *n)
 {
 	*n = p->start[k + 1] - p->start[k];
-	return wh_store_append(c, d->store, k, &d->writer[k], p->sorted + p->start[k] * p->size,
+	return wh_store_append(c, d->store, k, &d->writer[k], p->record + p->start[k] * p->size,
 	                       *n * p->size);
 }
 

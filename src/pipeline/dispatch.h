@@ -1,9 +1,10 @@
 /*
  * dispatch: records of jobs on their way to cluster files.
  *
- * A job fills a parcel with encoded records, each with the cluster it goes to, and sorts it by
- * cluster; its commit hands the parcel to the cluster files' writers, a run of records for each
- * cluster. With commits in index order, the bytes of the files do not depend on the threads.
+ * A job fills a parcel with encoded records, by the cluster each goes to: it names the clusters of
+ * all of them first and then encodes each in its place. Its commit hands the parcel to the cluster
+ * files' writers, a run of records for each cluster. With commits in index order, the bytes of the
+ * files do not depend on the threads.
  */
 #ifndef WH_PIPELINE_DISPATCH_H
 #define WH_PIPELINE_DISPATCH_H
@@ -14,12 +15,11 @@ enum { WH_MAX_CLUSTERS = 65535 }; /* so that 16 bits number the clusters and lea
 
 /* Records of one job, all of one size. Zero-initialise; one for each worker. */
 typedef struct wh_parcel {
-	uint8_t *record; /* n, in the order of adding */
-	uint16_t *cluster;
-	uint8_t *sorted; /* n, by cluster, those of one cluster in the order of adding */
-	size_t record_cap, cluster_cap, sorted_cap;
+	uint16_t *cluster; /* of each record, in the order of adding */
+	uint8_t *record;   /* by cluster, those of one cluster in the order of adding */
+	size_t cluster_cap, record_cap;
 	size_t n, size;  /* size: bytes of a record */
-	uint32_t *start; /* of each cluster in `sorted`, and the end: clusters + 1 */
+	uint32_t *start; /* of each cluster in `record`, and the end: clusters + 1 */
 	uint32_t clusters;
 } wh_parcel;
 
@@ -30,15 +30,22 @@ void wh_parcel_free(wh_ctx *c, wh_parcel *p);
 /* Bytes that a parcel of these measures takes. */
 size_t wh_parcel_bytes(uint32_t clusters, size_t size, size_t room);
 
-/* Adds a record, whose bytes the caller fills in. There must be room. */
-static inline uint8_t *wh_parcel_add(wh_parcel *p, uint32_t cluster)
+/* Adds a record to come. There must be room. */
+static inline void wh_parcel_add(wh_parcel *p, uint32_t cluster)
 {
-	p->cluster[p->n] = (uint16_t)cluster;
-	return p->record + p->n++ * p->size;
+	p->cluster[p->n++] = (uint16_t)cluster;
 }
 
-/* To be called when all records are there. */
-void wh_parcel_sort(wh_parcel *p);
+/* To be called when all records are added. */
+void wh_parcel_lay_out(wh_parcel *p);
+
+/* Where the bytes of record i go; asked for 0 .. n-1 in this order. While records are put,
+ * start[k + 1] is where the next one of k goes, so that it ends where those of k end: where those
+ * of k + 1 start. */
+static inline uint8_t *wh_parcel_put(const wh_parcel *p, size_t i)
+{
+	return p->record + p->start[p->cluster[i] + 1]++ * p->size;
+}
 
 /* The writers of all cluster files of a store. Not thread-safe. */
 typedef struct wh_dispatch {
@@ -54,7 +61,7 @@ wh_code wh_dispatch_begin(wh_ctx *c, wh_dispatch *d, const wh_store *store, size
 wh_code wh_dispatch_commit(wh_ctx *c, wh_dispatch *d);
 void wh_dispatch_drop(wh_ctx *c, wh_dispatch *d);
 
-/* Appends the records of a sorted parcel; all faces come before all vertices. */
+/* Appends the records of a parcel; all faces come before all vertices. */
 wh_code wh_dispatch_faces(wh_ctx *c, wh_dispatch *d, const wh_parcel *p);
 wh_code wh_dispatch_vertices(wh_ctx *c, wh_dispatch *d, const wh_parcel *p);
 

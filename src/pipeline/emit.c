@@ -2,6 +2,7 @@
 
 #include "base/idmap.h"
 #include "mesh/order.h"
+#include "pipeline/round.h"
 
 #include <stdlib.h>
 
@@ -9,6 +10,7 @@
 typedef struct emit_hand {
 	wh_store_scratch scratch;
 	wh_patch patch;
+	wh_order_work order;
 	double *xyz; /* of the vertices to write */
 	size_t xyz_cap;
 	uint32_t *number; /* in the output, per vertex */
@@ -30,7 +32,7 @@ static wh_code load_ordered(wh_ctx *c, const emit *e, emit_hand *h, int64_t k)
 {
 	if (wh_store_load(c, e->store, (uint32_t)k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
-	return wh_patch_order(c, &h->patch);
+	return wh_patch_order(c, &h->patch, &h->order);
 }
 
 /* ---- vertices ----------------------------------------------------------------------------- */
@@ -118,6 +120,19 @@ size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf);
 }
 
+/* Room for the largest cluster. */
+static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
+{
+	uint64_t nv, nf, faces, vertices;
+	if (wh_round_extent(c, e->store, &nv, &nf, &faces, &vertices) != WH_OK)
+		return c->err.code;
+	for (int i = 0; i < workers; i++)
+		if (wh_store_scratch_fit(c, e->store, &e->hands[i].scratch, nv, nf) != WH_OK ||
+		    wh_patch_reset(c, &e->hands[i].patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
 static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices, uint64_t faces)
 {
 	const int64_t n = e->store->clusters;
@@ -143,11 +158,12 @@ wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_st
 	          .unscale = 1 / scale,
 	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
 	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
-	if (e.hands && e.first)
+	if (e.hands && e.first && hands_fit(c, &e, ex->workers) == WH_OK)
 		(void)both_passes(c, ex, &e, vertices, faces);
 	for (int i = 0; e.hands && i < ex->workers; i++) {
 		wh_store_scratch_free(c, &e.hands[i].scratch);
 		wh_patch_free(c, &e.hands[i].patch);
+		wh_order_work_free(c, &e.hands[i].order);
 		wh_free(c, e.hands[i].xyz);
 		wh_free(c, e.hands[i].number);
 	}

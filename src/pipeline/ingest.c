@@ -105,14 +105,17 @@ static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const size_t n = chunk_items(g->src->nv, index);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
 		return c->err.code;
-	b->lo = b->hi = vertex_at(b, 0);
-	for (size_t i = 0; i < n; i++) {
-		const wh_vec3 p = vertex_at(b, i);
-		b->lo = wh_v3(fmin(b->lo.x, p.x), fmin(b->lo.y, p.y), fmin(b->lo.z, p.z));
-		b->hi = wh_v3(fmax(b->hi.x, p.x), fmax(b->hi.y, p.y), fmax(b->hi.z, p.z));
-		if ((first + i) % g->stride == 0)
-			g->sample[(first + i) / g->stride] = (wh_kdpoint){p, (double)(first + i)};
+	wh_vec3 lo = vertex_at(b, 0), hi = lo;
+	for (size_t i = 1; i < n; i++) {
+		lo = wh_lower(lo, vertex_at(b, i));
+		hi = wh_upper(hi, vertex_at(b, i));
 	}
+	b->lo = lo;
+	b->hi = hi;
+	const uint64_t from = (first + g->stride - 1) / g->stride;
+	for (uint64_t k = from; k * g->stride < first + n; k++)
+		g->sample[k] = (wh_kdpoint){vertex_at(b, (size_t)(k * g->stride - first)),
+		                            (double)(k * g->stride)};
 	return WH_OK;
 }
 
@@ -126,8 +129,8 @@ static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 		r->lo = b->lo;
 		r->hi = b->hi;
 	}
-	r->lo = wh_v3(fmin(r->lo.x, b->lo.x), fmin(r->lo.y, b->lo.y), fmin(r->lo.z, b->lo.z));
-	r->hi = wh_v3(fmax(r->hi.x, b->hi.x), fmax(r->hi.y, b->hi.y), fmax(r->hi.z, b->hi.z));
+	r->lo = wh_lower(r->lo, b->lo);
+	r->hi = wh_upper(r->hi, b->hi);
 	wh_progress_add(g->progress, chunk_items(g->src->nv, index));
 	return WH_OK;
 }
@@ -231,18 +234,35 @@ static wh_code find_corners(wh_ctx *c, const wh_exec *ex, ingest *g)
 	return WH_OK;
 }
 
-/* Puts the face into the parcel and notes who is away from home for it. */
-static void send_face(const ingest *g, bench *b, const uint64_t *t, const uint16_t *home)
+static bool is_degenerate(const uint64_t *t)
 {
-	if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
-		b->degenerate++;
-		return;
-	}
+	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+}
+
+/* Chooses the cluster of a face and notes who is away from home for it. */
+static void place_face(bench *b, const uint64_t *t, const uint16_t *home)
+{
 	const uint32_t k = wh_kdtree_majority(home[0], home[1], home[2]);
-	(void)wh_store_put_face(g->store, wh_parcel_add(&b->out, k), t);
+	wh_parcel_add(&b->out, k);
 	for (int j = 0; j < 3; j++)
 		if (home[j] != k)
 			b->away[b->aways++] = wh_visit(t[j], k);
+}
+
+/* Degenerate faces are left out, and the corners of those behind them move up. */
+static void place_faces(bench *b, size_t n)
+{
+	b->aways = b->degenerate = 0;
+	for (size_t i = 0; i < n; i++) {
+		const uint64_t *t = &b->ids[3 * i];
+		if (is_degenerate(t)) {
+			b->degenerate++;
+			continue;
+		}
+		place_face(b, t, &b->home[3 * i]);
+		if (b->degenerate)
+			memmove(&b->ids[3 * (i - b->degenerate)], t, 3 * sizeof *t);
+	}
 }
 
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -256,11 +276,11 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (wh_homes_corners(c, &g->homes, index, b->ids, 3 * n, b->home) != WH_OK ||
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) != WH_OK)
 		return c->err.code;
-	b->aways = b->degenerate = 0;
-	for (size_t i = 0; i < n; i++)
-		send_face(g, b, &b->ids[3 * i], &b->home[3 * i]);
+	place_faces(b, n);
+	wh_parcel_lay_out(&b->out);
+	for (size_t i = 0; i < b->out.n; i++)
+		(void)wh_store_put_face(g->store, wh_parcel_put(&b->out, i), &b->ids[3 * i]);
 	b->aways = wh_sort_unique(b->away, b->aways);
-	wh_parcel_sort(&b->out);
 	return WH_OK;
 }
 
@@ -298,11 +318,35 @@ static uint64_t vertex_of_record(const ingest *g, uint64_t record)
 	return lo;
 }
 
-static void send_vertex(const ingest *g, bench *b, uint32_t cluster, uint64_t gid, bool cut,
-                        wh_vec3 p)
+/* Of vertices first .. first+n-1, those that are at home and those visiting; at home comes first.
+ */
+static void add_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 {
-	(void)wh_store_put_vertex(g->store, wh_parcel_add(&b->out, cluster), gid,
-	                          cut ? WH_CUT | WH_NEVER : 0, p, 0);
+	const wh_visits *v = &g->visits;
+	size_t at = wh_visits_find(v, first);
+	for (size_t i = 0; i < n; i++) {
+		wh_parcel_add(&b->out, b->home[i]);
+		for (; at < v->n && wh_visit_vertex(v->item[at]) == first + i; at++)
+			wh_parcel_add(&b->out, wh_visit_cluster(v->item[at]));
+	}
+}
+
+static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
+{
+	const wh_visits *v = &g->visits;
+	const size_t begin = wh_visits_find(v, first);
+	size_t at = begin;
+	for (size_t i = 0; i < n; i++) {
+		const uint64_t gid = first + i;
+		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
+		const size_t visited = at;
+		while (at < v->n && wh_visit_vertex(v->item[at]) == gid)
+			at++;
+		const uint8_t flag = at > visited ? WH_CUT | WH_NEVER : 0;
+		for (size_t k = visited; k <= at; k++)
+			(void)wh_store_put_vertex(g->store, wh_parcel_put(&b->out, i + k - begin),
+			                          gid, flag, p, 0);
+	}
 }
 
 /* Sends about CHUNK records: those of the vertices that begin in this part of all. */
@@ -317,17 +361,9 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_vertex_bytes(g->store),
 	                    CHUNK + g->clusters) != WH_OK)
 		return c->err.code;
-	const wh_visits *v = &g->visits;
-	size_t at = wh_visits_find(v, first);
-	for (size_t i = 0; i < n; i++) {
-		const uint64_t gid = first + i;
-		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
-		const bool cut = at < v->n && wh_visit_vertex(v->item[at]) == gid;
-		send_vertex(g, b, b->home[i], gid, cut, p);
-		for (; at < v->n && wh_visit_vertex(v->item[at]) == gid; at++)
-			send_vertex(g, b, wh_visit_cluster(v->item[at]), gid, cut, p);
-	}
-	wh_parcel_sort(&b->out);
+	add_vertices(g, b, first, n);
+	wh_parcel_lay_out(&b->out);
+	put_vertices(g, b, first, n);
 	wh_progress_add(g->progress, n);
 	return WH_OK;
 }

@@ -67,11 +67,18 @@ static wh_code look_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_check_pieces_add(c, s->sum, e->work);
 }
 
-static wh_code eyes_make(wh_ctx *c, store_run *s, int workers)
+/* With room for the largest cluster. */
+static wh_code eyes_make(wh_ctx *c, store_run *s, int workers, uint64_t max_v, uint64_t max_f)
 {
 	s->eyes = wh_calloc(c, (size_t)workers, sizeof *s->eyes);
-	for (int i = 0; s->eyes && i < workers; i++)
-		s->eyes[i].work = wh_check_work_new(c); /* a failure is recorded */
+	for (int i = 0; s->eyes && i < workers; i++) {
+		eye *e = &s->eyes[i];
+		e->work = wh_check_work_new(c);
+		if (!e->work ||
+		    wh_store_scratch_fit(c, s->store, &e->scratch, max_v, max_f) != WH_OK ||
+		    wh_patch_reset(c, &e->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
+			break;
+	}
 	return c->err.code;
 }
 
@@ -96,7 +103,7 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 		return code;
 	wh_progress_phase(progress, "check", faces);
 	s.sum = wh_check_pieces_new(c);
-	code = eyes_make(c, &s, ex->workers);
+	code = eyes_make(c, &s, ex->workers, max_v, max_f);
 	if (code == WH_OK)
 		code = wh_exec_ordered(c, ex, store->clusters, look_job, look_commit, &s);
 	eyes_free(c, &s, ex->workers); /* before the seam is counted */

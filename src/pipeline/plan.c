@@ -106,7 +106,7 @@ static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters 
 static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
 static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
-static const double SAVE_BUFFER = 1048576;
+static const double SAVE_BUFFER = 256 * 1024;
 enum { MIB = 1024 * 1024 };
 /* The share that a round keeps at which its borders add a third of what they hold. */
 static const double BORDER_FADES = 0.108;
@@ -162,11 +162,11 @@ static double round_store(const forecast *f, double faces)
 	return faces * 12 + faces * 0.52 * (f->vertex + sizeof(float));
 }
 
-/* Bytes of a cluster as it is loaded: its file, the patch, the index that resolves ids. */
+/* Bytes of a cluster as it is loaded: its file, the patch, the places of its ids. */
 static double loaded(const forecast *f, double nf)
 {
 	const double payload = f->p->rounds > 0 ? sizeof(float) : 0;
-	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + nf * (12 + 0.5 * 37) + nf * 4;
+	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + nf * (12 + 0.5 * 37) + nf * 2;
 }
 
 static void stage(forecast *f, wh_plan_stage s, double need, double expect)

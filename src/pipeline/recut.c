@@ -4,8 +4,8 @@
  * all vertices is needed. Only vertices on the old cuts are known to several old clusters, and only
  * of them one old cluster cannot tell whether they are cut again.
  *
- * Each old cluster is loaded four times: for a sample of its vertices, to collect which new
- * clusters use the old cut vertices, to send its faces, and to send its vertices. What is collected
+ * Each old cluster is loaded three times: for a sample of its vertices, to send its faces and
+ * collect which new clusters use the old cut vertices, and to send its vertices. What is collected
  * are visits (pipeline/visits), which may not fit in memory; the answers go, for every old cluster
  * and its cut vertices in their order, to a file, where the pass over the vertices reads them. The
  * memory is one old cluster a worker, a write buffer a new cluster, and a fixed amount of visits.
@@ -156,16 +156,14 @@ static wh_code build_tree(wh_ctx *c, const wh_exec *ex, recut *r, uint64_t verti
 	return WH_OK;
 }
 
-/* ---- pass 1: which old cut vertices are cut again ----------------------------------------- */
+/* ---- pass 1: faces ------------------------------------------------------------------------ */
 
-static wh_code collect_job(wh_ctx *c, void *arg, int64_t index, int worker)
+/* Notes who uses the old cut vertices of a cluster that has been placed. */
+static wh_code collect(wh_ctx *c, recut_hand *h)
 {
-	const recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, index) != WH_OK ||
-	    wh_renew(c, &h->list, &h->cap_list, h->patch.nv, sizeof *h->list) != WH_OK)
-		return c->err.code;
 	const wh_patch *p = &h->patch;
+	if (wh_renew(c, &h->list, &h->cap_list, p->nv, sizeof *h->list) != WH_OK)
+		return c->err.code;
 	h->n_list = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
 		if (p->flag[v] & WH_CUT)
@@ -173,10 +171,8 @@ static wh_code collect_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-static wh_code collect_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+static wh_code collect_commit(wh_ctx *c, recut *r, recut_hand *h, int64_t index)
 {
-	recut *r = arg;
-	recut_hand *h = &r->hands[worker];
 	if (wh_visits_add(c, &r->visits, h->list, h->n_list) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < h->n_list; i++)
@@ -185,6 +181,38 @@ static wh_code collect_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_spill_pwrite(c, r->from->spill, r->answer_fd, h->list,
 	                       h->n_list * sizeof *h->list, r->answer[index] * sizeof *h->list);
 }
+
+static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const recut *r = arg;
+	recut_hand *h = &r->hands[worker];
+	if (load_and_place(c, r, h, index) != WH_OK || collect(c, h) != WH_OK ||
+	    wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_face_bytes(r->to), h->patch.nf) !=
+	        WH_OK)
+		return c->err.code;
+	const wh_patch *p = &h->patch;
+	for (uint32_t f = 0; f < p->nf; f++)
+		wh_parcel_add(&h->out, h->cell[f]);
+	wh_parcel_lay_out(&h->out);
+	for (uint32_t f = 0; f < p->nf; f++) {
+		const uint32_t *t = &p->tri[3 * (size_t)f];
+		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
+		(void)wh_store_put_face(r->to, wh_parcel_put(&h->out, f), gid);
+	}
+	return WH_OK;
+}
+
+static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	recut *r = arg;
+	recut_hand *h = &r->hands[worker];
+	wh_progress_add(r->progress, h->patch.nf);
+	if (collect_commit(c, r, h, index) != WH_OK)
+		return c->err.code;
+	return wh_dispatch_faces(c, &r->out, &h->out);
+}
+
+/* ---- which old cut vertices are cut again ------------------------------------------------- */
 
 /* Of the visits taken: an old cut vertex is cut again when its faces go to several new clusters. */
 static bool is_cut_again(const wh_visits *v, uint64_t gid)
@@ -232,10 +260,7 @@ static wh_code answers_open(wh_ctx *c, recut *r)
 static wh_code find_cut_again(wh_ctx *c, const wh_exec *ex, recut *r)
 {
 	const int64_t n = r->from->clusters;
-	if (answers_open(c, r) != WH_OK ||
-	    wh_visits_open(c, &r->visits, r->from->spill, r->ids, VISITS) != WH_OK ||
-	    wh_exec_ordered(c, ex, n, collect_job, collect_commit, r) != WH_OK ||
-	    wh_visits_seal(c, &r->visits) != WH_OK)
+	if (wh_visits_seal(c, &r->visits) != WH_OK)
 		return c->err.code;
 	memcpy(r->answered, r->answer, (size_t)n * sizeof *r->answered);
 	for (uint64_t first = 0; first < r->ids; first = r->visits.end)
@@ -246,36 +271,7 @@ static wh_code find_cut_again(wh_ctx *c, const wh_exec *ex, recut *r)
 	return WH_OK;
 }
 
-/* ---- pass 2: faces ------------------------------------------------------------------------ */
-
-static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
-{
-	const recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, index) != WH_OK ||
-	    wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_face_bytes(r->to), h->patch.nf) !=
-	        WH_OK)
-		return c->err.code;
-	const wh_patch *p = &h->patch;
-	for (uint32_t f = 0; f < p->nf; f++) {
-		const uint32_t *t = &p->tri[3 * (size_t)f];
-		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
-		(void)wh_store_put_face(r->to, wh_parcel_add(&h->out, h->cell[f]), gid);
-	}
-	wh_parcel_sort(&h->out);
-	return WH_OK;
-}
-
-static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
-{
-	(void)index;
-	recut *r = arg;
-	const recut_hand *h = &r->hands[worker];
-	wh_progress_add(r->progress, h->patch.nf);
-	return wh_dispatch_faces(c, &r->out, &h->out);
-}
-
-/* ---- pass 3: vertices --------------------------------------------------------------------- */
+/* ---- pass 2: vertices --------------------------------------------------------------------- */
 
 /* From here on the flags say which vertices are cut by the new clusters. */
 static wh_code read_answers(wh_ctx *c, const recut *r, recut_hand *h, int64_t index)
@@ -314,11 +310,14 @@ static wh_code list_users(wh_ctx *c, recut_hand *h)
 	return WH_OK;
 }
 
-static void send_vertex(const recut *r, recut_hand *h, uint32_t v, uint32_t cluster)
+/* Adds vertex v once for every cluster that uses it; *at: the first of h->list that is not its. */
+static void add_vertex(recut_hand *h, uint32_t v, size_t *at)
 {
-	const wh_patch *p = &h->patch;
-	(void)wh_store_put_vertex(r->to, wh_parcel_add(&h->out, cluster), p->gid[v], p->flag[v],
-	                          p->pos[v], p->err[v]);
+	if (h->user[v] != SEVERAL)
+		wh_parcel_add(&h->out, h->user[v]);
+	for (; *at < h->n_list && wh_visit_vertex(h->list[*at]) == v; ++*at)
+		wh_parcel_add(&h->out, wh_visit_cluster(h->list[*at]));
+	h->user[v] = (uint32_t)h->out.n; /* from now on: the records up to and with its own */
 }
 
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -333,13 +332,14 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	                    p->nv + h->n_list) != WH_OK)
 		return c->err.code;
 	size_t at = 0;
-	for (uint32_t v = 0; v < p->nv; v++) {
-		if (h->user[v] != SEVERAL)
-			send_vertex(r, h, v, h->user[v]);
-		for (; at < h->n_list && wh_visit_vertex(h->list[at]) == v; at++)
-			send_vertex(r, h, v, wh_visit_cluster(h->list[at]));
-	}
-	wh_parcel_sort(&h->out);
+	for (uint32_t v = 0; v < p->nv; v++)
+		add_vertex(h, v, &at);
+	wh_parcel_lay_out(&h->out);
+	size_t i = 0;
+	for (uint32_t v = 0; v < p->nv; v++)
+		for (; i < h->user[v]; i++)
+			(void)wh_store_put_vertex(r->to, wh_parcel_put(&h->out, i), p->gid[v],
+			                          p->flag[v], p->pos[v], p->err[v]);
 	return WH_OK;
 }
 
@@ -373,11 +373,23 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 {
 	const int64_t n = r->from->clusters;
-	if (wh_dispatch_begin(c, &r->out, r->to, buffer) != WH_OK ||
+	if (answers_open(c, r) != WH_OK ||
+	    wh_visits_open(c, &r->visits, r->from->spill, r->ids, VISITS) != WH_OK ||
+	    wh_dispatch_begin(c, &r->out, r->to, buffer) != WH_OK ||
 	    wh_exec_ordered(c, ex, n, faces_job, faces_commit, r) != WH_OK ||
+	    find_cut_again(c, ex, r) != WH_OK ||
 	    wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, r) != WH_OK)
 		return c->err.code;
 	return wh_dispatch_commit(c, &r->out);
+}
+
+/* Room for the largest cluster. */
+static wh_code hand_fit(wh_ctx *c, recut_hand *h, const wh_store *from, uint64_t nv, uint64_t nf)
+{
+	if (wh_store_scratch_fit(c, from, &h->scratch, nv, nf) != WH_OK ||
+	    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+		return c->err.code;
+	return fit(c, h);
 }
 
 static void hands_free(wh_ctx *c, recut *r, int workers)
@@ -423,24 +435,26 @@ static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, u
 	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
 }
 
-/* Held all the time, and before the new files are open. */
+/* Held all the time. */
 static size_t always_bytes(const wh_store *from, uint32_t clusters)
 {
 	return wh_kdtree_bytes(clusters) + 16 * ((size_t)from->clusters + 1) + 4096;
 }
 
-static size_t first_bytes(uint64_t vertices)
+/* The sample, and after that visits and the new files. */
+static size_t stage_bytes(uint64_t vertices, uint32_t clusters, size_t buffer)
 {
 	return larger(sample_size(vertices) * sizeof(wh_kdpoint) +
 	                  3 * (size_t)NEVERS * sizeof(wh_vec3),
-	              wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t));
+	              wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t) +
+	                  wh_dispatch_bytes(clusters, buffer));
 }
 
 size_t wh_round_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
                             uint64_t max_faces, uint64_t vertices)
 {
 	return always_bytes(from, clusters) + hand_bytes(from, clusters, max_vertices, max_faces) +
-	       larger(first_bytes(vertices), wh_dispatch_bytes(clusters, BUFFER_LEAST));
+	       stage_bytes(vertices, clusters, BUFFER_LEAST);
 }
 
 wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget,
@@ -450,8 +464,8 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	const size_t hand = hand_bytes(from, clusters, max_v, max_f);
-	const size_t always = always_bytes(from, clusters), first = first_bytes(vertices);
-	const size_t rest = always + larger(first, wh_dispatch_bytes(clusters, BUFFER_LEAST));
+	const size_t always = always_bytes(from, clusters);
+	const size_t rest = always + stage_bytes(vertices, clusters, BUFFER_LEAST);
 	while (ex->workers > 1 && rest + (size_t)ex->workers * hand > budget)
 		ex->workers--;
 	const size_t hands = (size_t)ex->workers * hand;
@@ -459,9 +473,9 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 	*buffer = BUFFER_LEAST;
 	if (*need > budget)
 		return WH_OK;
-	const size_t spare = budget - always - hands - wh_dispatch_bytes(clusters, 0);
-	*buffer = spare / clusters < BUFFER_MOST ? spare / clusters : BUFFER_MOST;
-	*need = always + hands + larger(first, wh_dispatch_bytes(clusters, *buffer));
+	*buffer += (budget - *need) / clusters;
+	*buffer = *buffer < BUFFER_MOST ? *buffer : BUFFER_MOST;
+	*need = always + hands + stage_bytes(vertices, clusters, *buffer);
 	return WH_OK;
 }
 
@@ -474,10 +488,10 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	wh_code code = wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices);
 	wh_progress_phase(progress, "recut", 2 * faces);
 	r.hands = wh_calloc(c, (size_t)ex->workers, sizeof *r.hands);
+	for (int i = 0; r.hands && code == WH_OK && i < ex->workers; i++)
+		code = hand_fit(c, &r.hands[i], from, max_v, max_f);
 	if (code == WH_OK)
 		code = r.hands ? build_tree(c, ex, &r, vertices) : wh_failed(c);
-	if (code == WH_OK)
-		code = find_cut_again(c, ex, &r);
 	if (code == WH_OK)
 		code = distribute(c, ex, &r, params->buffer);
 	*never_free = wh_sort_unique(r.still, r.stills);

@@ -16,7 +16,8 @@ typedef struct survey_run {
 	uint32_t piece_faces;
 	uint32_t samples; /* clusters surveyed */
 	uint32_t pieces;  /* in each */
-	wh_survey *part;  /* one for each sample */
+	uint64_t max_v, max_f;
+	wh_survey *part; /* one for each sample */
 } survey_run;
 
 static uint32_t survey_cluster(const survey_run *r, int64_t index)
@@ -40,8 +41,8 @@ static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
 /* How many pieces in how many clusters: a share of all, spread over the whole store. */
 static wh_code survey_size(wh_ctx *c, survey_run *r)
 {
-	uint64_t max_v, max_f, faces, vertices;
-	if (wh_round_extent(c, r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
+	uint64_t faces, vertices;
+	if (wh_round_extent(c, r->store, &r->max_v, &r->max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	const uint64_t all = faces / r->piece_faces + 1;
 	uint64_t pieces = all / SURVEY_SHARE;
@@ -79,7 +80,7 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	if (survey_size(c, &r) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "survey", r.samples);
-	r.hands = wh_hands_make(c, ex->workers);
+	r.hands = wh_hands_make(c, ex->workers, store, r.max_v, r.max_f);
 	wh_code code = survey_parts(c, &r);
 	if (code == WH_OK)
 		code = wh_exec_for(c, ex, r.samples, survey_job, &r);
@@ -163,7 +164,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	to->local_corners = true;
 	wh_progress_phase(progress, "decimate", faces);
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
-	r.hands = wh_hands_make(c, ex->workers);
+	r.hands = wh_hands_make(c, ex->workers, from, max_v, max_f);
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	wh_code code = c->err.code;
 	if (code == WH_OK)

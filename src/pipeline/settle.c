@@ -146,10 +146,10 @@ static wh_code share_out(wh_ctx *c, const wh_exec *ex, settle *s, wh_quota *sum)
 	return wh_quota_share(c, s->log, s->from->clusters, p->faces, p->vertices, s->share, sum);
 }
 
-static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s)
+static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t max_v, uint64_t max_f)
 {
 	const uint32_t n = s->from->clusters;
-	s->hands = wh_hands_make(c, ex->workers);
+	s->hands = wh_hands_make(c, ex->workers, s->from, max_v, max_f);
 	s->scratch = wh_alloc(c, (size_t)ex->workers, sizeof *s->scratch);
 	s->log = wh_calloc(c, n, sizeof *s->log);
 	s->share = wh_calloc(c, n, sizeof *s->share);
@@ -181,7 +181,7 @@ wh_code wh_settle(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "settle", 2 * faces);
-	wh_code code = settle_open(c, ex, &s);
+	wh_code code = settle_open(c, ex, &s, max_v, max_f);
 	if (code == WH_OK)
 		code = share_out(c, ex, &s, &sum);
 	result->reached = (params->faces && sum.faces >= params->faces) ||

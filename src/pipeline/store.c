@@ -1,7 +1,5 @@
 #include "pipeline/store.h"
 
-#include "base/sort.h"
-
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +10,13 @@
 #define XXH_STATIC_LINKING_ONLY /* the size of its state */
 #include <xxhash.h>
 
-enum { VERSION = 2, NAME_BYTES = 64 };
+enum {
+	VERSION = 2,
+	NAME_BYTES = 64,
+	SAVE_BUFFER = 256 * 1024,
+	BATCH = 256,             /* vertices encoded at a time */
+	VERTEX_MOST = 8 + 24 + 4 /* bytes of a vertex */
+};
 static const char MAGIC[8] = {'W', 'H', 'C', 'L', 'U', 'S', 'T', '1'};
 
 typedef struct header {
@@ -23,8 +27,7 @@ typedef struct header {
 
 _Static_assert(sizeof(header) == 64, "the header has the documented size");
 
-/* The top two bits of a stored id hold flags. */
-enum { ID_BITS32 = 30, ID_BITS64 = 62 };
+enum { ABSENT = 128 }; /* in the flags of vertices whose record has not been met yet */
 
 static void file_name(const wh_store *s, uint32_t cluster, bool part, char name[NAME_BYTES])
 {
@@ -67,22 +70,34 @@ static wh_code write_at(wh_ctx *c, const wh_store *s, uint32_t cluster, const vo
 	return code;
 }
 
+static wh_code write_out(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
+                         const uint8_t *bytes, size_t n)
+{
+	if (n == 0)
+		return WH_OK;
+	(void)XXH3_64bits_update(w->hash, bytes, n);
+	if (write_at(c, s, cluster, bytes, n, w->off) != WH_OK)
+		return c->err.code;
+	w->off += n;
+	return WH_OK;
+}
+
 static wh_code flush(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w)
 {
-	if (w->used == 0)
-		return WH_OK;
-	(void)XXH3_64bits_update(w->hash, w->buf, w->used);
-	if (write_at(c, s, cluster, w->buf, w->used, w->off) != WH_OK)
-		return c->err.code;
-	w->off += w->used;
+	const size_t n = w->used;
 	w->used = 0;
-	return WH_OK;
+	return write_out(c, s, cluster, w, w->buf, n);
 }
 
 wh_code wh_store_append(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                         const void *bytes, size_t n)
 {
 	const uint8_t *from = bytes;
+	if (w->used == 0 && n >= w->cap) { /* as good as a full buffer */
+		if (write_out(c, s, cluster, w, from, n) != WH_OK)
+			return c->err.code;
+		n = 0;
+	}
 	while (n > 0) {
 		const size_t room = w->cap - w->used;
 		const size_t take = n < room ? n : room;
@@ -129,49 +144,17 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w)
 	w->hash = NULL;
 }
 
-uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3])
-{
-	if (s->id_bytes == 4) {
-		const uint32_t narrow[3] = {(uint32_t)gid[0], (uint32_t)gid[1], (uint32_t)gid[2]};
-		memcpy(at, narrow, sizeof narrow);
-		return at + sizeof narrow;
-	}
-	memcpy(at, gid, 3 * sizeof *gid);
-	return at + 3 * sizeof *gid;
-}
-
-uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
-                             wh_vec3 pos, float err)
-{
-	const unsigned bits = (flag & WH_CUT ? 2U : 0U) | (flag & WH_NEVER ? 1U : 0U);
-	if (s->id_bytes == 4) {
-		const uint32_t id = (uint32_t)gid | bits << ID_BITS32;
-		memcpy(at, &id, 4);
-	} else {
-		const uint64_t id = gid | (uint64_t)bits << ID_BITS64;
-		memcpy(at, &id, 8);
-	}
-	at += s->id_bytes;
-	if (s->coord_bytes == 4) {
-		const float xyz[3] = {(float)pos.x, (float)pos.y, (float)pos.z};
-		memcpy(at, xyz, sizeof xyz);
-	} else {
-		memcpy(at, &pos, sizeof pos);
-	}
-	at += 3 * (size_t)s->coord_bytes;
-	if (s->vertex_payload)
-		memcpy(at, &err, 4);
-	return at + s->vertex_payload;
-}
-
 static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                              const wh_patch *p)
 {
-	uint8_t record[64];
-	for (uint32_t v = 0; v < p->nv; v++) {
-		const uint8_t *end =
-		    wh_store_put_vertex(s, record, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
-		if (wh_store_append(c, s, cluster, w, record, (size_t)(end - record)) != WH_OK)
+	uint8_t batch[BATCH * VERTEX_MOST];
+	for (uint32_t v = 0; v < p->nv;) {
+		const uint32_t end = p->nv - v < BATCH ? p->nv : v + BATCH;
+		uint8_t *at = batch;
+		for (; v < end; v++)
+			at =
+			    wh_store_put_vertex(s, at, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
+		if (wh_store_append(c, s, cluster, w, batch, (size_t)(at - batch)) != WH_OK)
 			return c->err.code;
 	}
 	w->vertices = p->nv;
@@ -181,7 +164,7 @@ static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_
 wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_patch *p)
 {
 	wh_store_writer w;
-	if (wh_store_begin(c, s, cluster, &w, (size_t)1 << 20) != WH_OK)
+	if (wh_store_begin(c, s, cluster, &w, SAVE_BUFFER) != WH_OK)
 		return c->err.code;
 	w.faces = p->nf;
 	if (wh_store_append(c, s, cluster, &w, p->tri, 3 * sizeof *p->tri * p->nf) != WH_OK ||
@@ -194,11 +177,21 @@ wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_p
 
 /* ---- loading ------------------------------------------------------------------------------ */
 
+static size_t body_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
+{
+	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s);
+}
+
+wh_code wh_store_scratch_fit(wh_ctx *c, const wh_store *s, wh_store_scratch *scratch, uint64_t nv,
+                             uint64_t nf)
+{
+	return wh_renew(c, &scratch->raw, &scratch->raw_cap, body_bytes(s, nv, nf), 1);
+}
+
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s)
 {
 	wh_free(c, s->raw);
-	wh_free(c, s->order);
-	wh_free(c, s->index);
+	wh_places_free(c, &s->places);
 	*s = (wh_store_scratch){0};
 }
 
@@ -233,8 +226,7 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 		return wh_failed(c);
 	wh_code code = read_header(c, s, fd, name, h);
 	if (code == WH_OK) {
-		const size_t n = (size_t)h->faces * wh_store_face_bytes(s) +
-		                 (size_t)h->vertices * wh_store_vertex_bytes(s);
+		const size_t n = body_bytes(s, h->vertices, h->faces);
 		struct stat st; /* no memory for counts that the file does not hold */
 		if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != sizeof *h + n)
 			code = damaged(c, s, name);
@@ -249,157 +241,115 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 	return code;
 }
 
-static uint64_t record_gid(const wh_store *s, const uint8_t *at, uint8_t *flag)
+static uint64_t record_gid(const uint8_t *at, uint32_t id_bytes, uint8_t *flag)
 {
 	uint64_t id;
 	unsigned bits;
-	if (s->id_bytes == 4) {
+	if (id_bytes == 4) {
 		uint32_t narrow;
 		memcpy(&narrow, at, 4);
-		bits = narrow >> ID_BITS32;
-		id = narrow & (((uint32_t)1 << ID_BITS32) - 1);
+		bits = narrow >> WH_STORE_BITS32;
+		id = narrow & (((uint32_t)1 << WH_STORE_BITS32) - 1);
 	} else {
 		memcpy(&id, at, 8);
-		bits = (unsigned)(id >> ID_BITS64);
-		id &= ((uint64_t)1 << ID_BITS64) - 1;
+		bits = (unsigned)(id >> WH_STORE_BITS64);
+		id &= ((uint64_t)1 << WH_STORE_BITS64) - 1;
 	}
 	*flag = (uint8_t)((bits & 2 ? WH_CUT : 0) | (bits & 1 ? WH_NEVER : 0));
 	return id;
 }
 
-static void decode_vertex(const wh_store *s, const uint8_t *at, wh_patch *p, uint32_t v)
+static wh_vec3 record_position(const uint8_t *at, uint32_t coord_bytes)
 {
-	p->gid[v] = record_gid(s, at, &p->flag[v]);
-	at += s->id_bytes;
-	if (s->coord_bytes == 4) {
+	if (coord_bytes == 4) {
 		float xyz[3];
 		memcpy(xyz, at, sizeof xyz);
-		p->pos[v] = wh_v3((double)xyz[0], (double)xyz[1], (double)xyz[2]);
-	} else {
-		memcpy(&p->pos[v], at, sizeof p->pos[v]);
+		return wh_v3((double)xyz[0], (double)xyz[1], (double)xyz[2]);
 	}
-	at += 3 * (size_t)s->coord_bytes;
-	p->err[v] = 0;
-	if (s->vertex_payload)
-		memcpy(&p->err[v], at, 4);
+	wh_vec3 pos;
+	memcpy(&pos, at, sizeof pos);
+	return pos;
 }
 
-/* Bits that a number takes. */
-static uint32_t width(uint64_t x)
-{
-	uint32_t bits = 0;
-	for (; x; x >>= 1)
-		bits++;
-	return bits;
-}
-
-/* One number a record, whose order is that of the ids, and of the records where ids are the same:
- * an id less the least one, then the record's place. False when both do not fit in 64 bits, which
- * no mesh comes near. */
-static bool make_order(const wh_store *s, const uint8_t *records, uint32_t n, uint64_t *order,
-                       uint32_t *place_bits)
+/* The ids in the order of the file, which they may already ascend in. */
+static bool read_ids(const wh_store *s, const uint8_t *records, uint32_t n, uint64_t *ids)
 {
 	const size_t size = wh_store_vertex_bytes(s);
-	uint64_t least = UINT64_MAX, most = 0;
+	bool ascend = true;
 	uint8_t flag;
 	for (uint32_t i = 0; i < n; i++) {
-		order[i] = record_gid(s, records + i * size, &flag);
-		least = order[i] < least ? order[i] : least;
-		most = order[i] > most ? order[i] : most;
+		ids[i] = record_gid(records + i * size, s->id_bytes, &flag);
+		ascend &= i == 0 || ids[i] > ids[i - 1];
 	}
-	*place_bits = width(n);
-	if (width(most - least) + *place_bits > 64)
-		return false;
-	for (uint32_t i = 0; i < n; i++)
-		order[i] = (order[i] - least) << *place_bits | i;
-	return true;
+	return ascend;
 }
 
-/* Decodes records in any order, with repeats, ascending by id and each once. */
-static wh_code decode_sorted(wh_ctx *c, const wh_store *s, const uint8_t *records, uint32_t n,
-                             wh_store_scratch *sc, wh_patch *p, bool *ok)
+/* Inlined with the commonest layout as constants. */
+static inline void put_vertices(const wh_store *s, const uint8_t *records, uint32_t n,
+                                const wh_places *places, wh_patch *p)
 {
 	const size_t size = wh_store_vertex_bytes(s);
-	uint32_t place_bits, nv = 0;
-	if (wh_renew(c, &sc->order, &sc->order_cap, n, sizeof *sc->order) != WH_OK)
-		return c->err.code;
-	*ok = make_order(s, records, n, sc->order, &place_bits);
-	if (!*ok)
-		return WH_OK;
-	wh_sort(sc->order, n);
-	for (uint32_t i = 0; i < n; i++) {
-		const size_t at = sc->order[i] & (((uint64_t)1 << place_bits) - 1);
-		decode_vertex(s, records + at * size, p, nv);
-		if (nv > 0 && p->gid[nv] == p->gid[nv - 1])
-			p->err[nv - 1] = fmaxf(p->err[nv - 1], p->err[nv]);
-		else
-			nv++;
+	for (uint32_t i = 0; i < n; i++, records += size) {
+		uint8_t flag;
+		uint32_t v = i;
+		const uint64_t gid = record_gid(records, s->id_bytes, &flag);
+		float err = 0;
+		if (s->vertex_payload)
+			memcpy(&err, records + size - 4, 4);
+		if (places) {
+			(void)wh_places_find(places, gid, &v);
+			if (!(p->flag[v] & ABSENT)) {
+				p->err[v] = fmaxf(p->err[v], err);
+				continue;
+			}
+		}
+		p->gid[v] = gid;
+		p->flag[v] = flag;
+		p->pos[v] = record_position(records + s->id_bytes, s->coord_bytes);
+		p->err[v] = err;
 	}
-	p->nv = nv;
-	return WH_OK;
 }
 
-static wh_code decode_vertices(wh_ctx *c, const wh_store *s, const uint8_t *records, uint32_t n,
+static void put_vertices_of(const wh_store *s, const uint8_t *records, uint32_t n,
+                            const wh_places *places, wh_patch *p)
+{
+	wh_store common = {.id_bytes = 4, .coord_bytes = 4};
+	if (s->id_bytes != 4 || s->coord_bytes != 4) {
+		put_vertices(s, records, n, places, p);
+	} else if (s->vertex_payload == 0) {
+		put_vertices(&common, records, n, places, p);
+	} else {
+		common.vertex_payload = 4;
+		put_vertices(&common, records, n, places, p);
+	}
+}
+
+/* Decodes the records, ascending by id and each once; where an id repeats, the largest error bound
+ * holds. */
+static wh_code decode_vertices(wh_ctx *c, const wh_store *s, const uint8_t *records,
                                wh_store_scratch *sc, wh_patch *p, bool *ok)
 {
-	const size_t size = wh_store_vertex_bytes(s);
+	const uint32_t n = p->nv;
 	*ok = true;
-	for (uint32_t v = 0; v < n; v++) {
-		decode_vertex(s, records + v * size, p, v);
-		if (v > 0 && p->gid[v] <= p->gid[v - 1])
-			return decode_sorted(c, s, records, n, sc, p, ok);
+	if (n == 0)
+		return WH_OK;
+	const bool ascend = read_ids(s, records, n, p->gid);
+	*ok = ascend || !s->local_corners;
+	if (s->local_corners) {
+		put_vertices_of(s, records, n, NULL, p);
+		return WH_OK;
 	}
+	if (wh_places_fill(c, &sc->places, p->gid, n) != WH_OK)
+		return c->err.code;
+	memset(p->flag, ABSENT, n);
+	put_vertices_of(s, records, n, ascend ? NULL : &sc->places, p);
+	p->nv = sc->places.n;
 	return WH_OK;
 }
 
-/* From global ids to places in an ascending list: the ids' range is cut into as many slots as
- * there are ids, and each slot knows where its ids begin. */
-typedef struct locator {
-	const uint64_t *gid;
-	const uint32_t *slot;
-	uint64_t first, last;
-	uint32_t shift;
-} locator;
-
-static wh_code locator_build(wh_ctx *c, wh_store_scratch *sc, const wh_patch *p, locator *l)
+static uint64_t stored_corner(const uint8_t *faces, uint32_t id_bytes, size_t i)
 {
-	*l = (locator){.gid = p->gid, .first = p->gid[0], .last = p->gid[p->nv - 1]};
-	while ((l->last - l->first) >> l->shift >= 2 * (uint64_t)p->nv)
-		l->shift++;
-	const size_t slots = (size_t)((l->last - l->first) >> l->shift) + 2;
-	if (wh_renew(c, &sc->index, &sc->index_cap, slots, sizeof *sc->index) != WH_OK)
-		return wh_failed(c);
-	size_t next = 0;
-	for (uint32_t v = 0; v < p->nv; v++) {
-		const size_t k = (size_t)((p->gid[v] - l->first) >> l->shift);
-		while (next <= k)
-			sc->index[next++] = v;
-	}
-	while (next < slots)
-		sc->index[next++] = p->nv;
-	l->slot = sc->index;
-	return WH_OK;
-}
-
-static uint32_t locate(const locator *l, uint64_t gid)
-{
-	if (gid < l->first || gid > l->last)
-		return WH_NONE;
-	const size_t k = (size_t)((gid - l->first) >> l->shift);
-	uint32_t lo = l->slot[k], hi = l->slot[k + 1];
-	while (lo < hi) {
-		const uint32_t mid = lo + (hi - lo) / 2;
-		if (l->gid[mid] < gid)
-			lo = mid + 1;
-		else
-			hi = mid;
-	}
-	return l->gid[lo] == gid ? lo : WH_NONE;
-}
-
-static uint64_t stored_corner(const wh_store *s, const uint8_t *faces, size_t i)
-{
-	if (s->local_corners || s->id_bytes == 4) {
+	if (id_bytes == 4) {
 		uint32_t id;
 		memcpy(&id, faces + 4 * i, 4);
 		return id;
@@ -409,45 +359,68 @@ static uint64_t stored_corner(const wh_store *s, const uint8_t *faces, size_t i)
 	return id;
 }
 
-static wh_code decode_faces(wh_ctx *c, const wh_store *s, const uint8_t *faces,
-                            wh_store_scratch *sc, wh_patch *p, bool *ok)
+/* Corners by global id; `used` marks their vertices. False when one is not there. Inlined with
+ * constants. */
+static inline bool put_faces(const uint8_t *faces, uint32_t id_bytes, const wh_places *places,
+                             uint32_t levels, wh_patch *p, uint8_t *used)
 {
+	wh_places own = *places; /* which no mark, being a byte, can be part of */
+	own.levels = levels;
 	const size_t corners = 3 * (size_t)p->nf;
-	*ok = true;
-	if (corners == 0)
-		return WH_OK;
-	if (s->local_corners) {
-		memcpy(p->tri, faces, corners * sizeof *p->tri);
-		for (size_t i = 0; i < corners; i++)
-			*ok = *ok && p->tri[i] < p->nv;
-		return WH_OK;
-	}
-	locator l;
-	if (p->nv == 0) {
-		*ok = false;
-		return WH_OK;
-	}
-	if (locator_build(c, sc, p, &l) != WH_OK)
-		return c->err.code;
+	uint32_t *tri = p->tri;
+	bool ok = true;
 	for (size_t i = 0; i < corners; i++) {
-		p->tri[i] = locate(&l, stored_corner(s, faces, i));
-		*ok = *ok && p->tri[i] != WH_NONE;
+		uint32_t v;
+		ok &= wh_places_find(&own, stored_corner(faces, id_bytes, i), &v);
+		tri[i] = v;
+		used[v] = 1;
 	}
-	return WH_OK;
+	return ok;
 }
 
-/* Vertices of no face: the owners of unused ids, and ends of what other clusters took. */
-static wh_code drop_unreferenced(wh_ctx *c, wh_store_scratch *sc, wh_patch *p)
+/* The same where corners are places. */
+static bool copy_faces(const uint8_t *faces, wh_patch *p, uint8_t *used)
 {
-	if (wh_renew(c, &sc->index, &sc->index_cap, p->nv, sizeof *sc->index) != WH_OK)
-		return c->err.code;
-	uint32_t *used = sc->index;
-	memset(used, 0, p->nv * sizeof *used);
-	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		used[p->tri[i]] = 1;
-	for (uint32_t v = 0; v < p->nv; v++)
+	const size_t corners = 3 * (size_t)p->nf;
+	const uint32_t *tri = p->tri;
+	const uint32_t nv = p->nv;
+	bool ok = true;
+	memcpy(p->tri, faces, corners * sizeof *tri);
+	for (size_t i = 0; i < corners; i++) {
+		const bool inside = tri[i] < nv;
+		used[inside ? tri[i] : 0] = 1;
+		ok &= inside;
+	}
+	return ok;
+}
+
+static bool decode_faces(const wh_store *s, const uint8_t *faces, const wh_places *places,
+                         wh_patch *p, uint8_t *used)
+{
+	if (p->nv == 0)
+		return p->nf == 0;
+	memset(used, 0, p->nv);
+	if (s->local_corners)
+		return copy_faces(faces, p, used);
+	if (s->id_bytes == 4 && places->levels == 1)
+		return put_faces(faces, 4, places, 1, p, used);
+	return put_faces(faces, s->id_bytes, places, places->levels, p, used);
+}
+
+/* Drops vertices of no face: the owners of unused ids, and ends of what other clusters took. */
+static wh_code drop_unreferenced(wh_ctx *c, wh_store_scratch *sc, wh_patch *p, const uint8_t *used)
+{
+	uint32_t unused = 0;
+	for (uint32_t v = 0; v < p->nv; v++) {
+		unused += !used[v];
 		sc->unreferenced += !used[v] && !(p->flag[v] & WH_CUT);
-	(void)wh_patch_compact(p, sc->index);
+	}
+	if (unused == 0)
+		return WH_OK;
+	uint32_t *map = wh_places_scratch(c, &sc->places, p->nv);
+	if (!map)
+		return c->err.code;
+	(void)wh_patch_compact(p, map);
 	return WH_OK;
 }
 
@@ -461,17 +434,17 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 	scratch->unreferenced = 0;
 	if (h.faces == 0 && h.vertices == 0)
 		return WH_OK; /* an empty cell: nothing was allocated either */
-	const uint8_t *records = scratch->raw + (size_t)h.faces * wh_store_face_bytes(s);
+	uint8_t *records = scratch->raw + (size_t)h.faces * wh_store_face_bytes(s);
+	uint8_t *used = records; /* once they have been read: a byte a vertex */
 	bool ok;
-	if (decode_vertices(c, s, records, p->nv, scratch, p, &ok) != WH_OK ||
-	    (ok && decode_faces(c, s, scratch->raw, scratch, p, &ok) != WH_OK))
+	if (decode_vertices(c, s, records, scratch, p, &ok) != WH_OK)
 		return c->err.code;
-	if (!ok) {
+	if (!ok || !decode_faces(s, scratch->raw, &scratch->places, p, used)) {
 		char name[NAME_BYTES];
 		file_name(s, cluster, false, name);
 		return damaged(c, s, name);
 	}
-	return drop_unreferenced(c, scratch, p);
+	return drop_unreferenced(c, scratch, p, used);
 }
 
 void wh_store_remove(const wh_store *s, uint32_t cluster)

@@ -20,15 +20,18 @@
  *                    vertices: global id (top bit: cut vertex, next bit: never free so far),
  *                    x, y, z, payload
  *
- * With global ids as corners, vertices may repeat and come in any order; every id that a face
- * uses is there. A cut vertex has the same id and position in every file that holds it; its error
- * bound may differ, and the largest holds.
+ * With global ids as corners, vertices may repeat and come in any order; else they ascend. Every
+ * id that a face uses is there. A cut vertex has the same id and position in every file that holds
+ * it; its error bound may differ, and the largest holds.
  */
 #ifndef WH_PIPELINE_STORE_H
 #define WH_PIPELINE_STORE_H
 
+#include "base/places.h"
 #include "io/spill.h"
 #include "mesh/patch.h"
+
+#include <string.h>
 
 /* How a whole store is laid out. */
 typedef struct wh_store {
@@ -78,31 +81,65 @@ static inline size_t wh_store_face_bytes(const wh_store *s)
 	return 3 * (size_t)(s->local_corners ? 4 : s->id_bytes);
 }
 
+/* The top two bits of a stored id hold flags. */
+enum { WH_STORE_BITS32 = 30, WH_STORE_BITS64 = 62 };
+
 /* Encodes one face with global ids as corners; returns the byte after it. */
-uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3]);
+static inline uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3])
+{
+	if (s->id_bytes == 4) {
+		const uint32_t narrow[3] = {(uint32_t)gid[0], (uint32_t)gid[1], (uint32_t)gid[2]};
+		memcpy(at, narrow, sizeof narrow);
+		return at + sizeof narrow;
+	}
+	memcpy(at, gid, 3 * sizeof *gid);
+	return at + 3 * sizeof *gid;
+}
 
 /* Encodes one vertex record; of the flags, WH_CUT and WH_NEVER. Returns the byte after it. */
-uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid, uint8_t flag,
-                             wh_vec3 pos, float err);
+static inline uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid,
+                                           uint8_t flag, wh_vec3 pos, float err)
+{
+	const unsigned bits = (flag & WH_CUT ? 2U : 0U) | (flag & WH_NEVER ? 1U : 0U);
+	if (s->id_bytes == 4) {
+		const uint32_t id = (uint32_t)gid | bits << WH_STORE_BITS32;
+		memcpy(at, &id, 4);
+	} else {
+		const uint64_t id = gid | (uint64_t)bits << WH_STORE_BITS64;
+		memcpy(at, &id, 8);
+	}
+	at += s->id_bytes;
+	if (s->coord_bytes == 4) {
+		const float xyz[3] = {(float)pos.x, (float)pos.y, (float)pos.z};
+		memcpy(at, xyz, sizeof xyz);
+	} else {
+		memcpy(at, &pos, sizeof pos);
+	}
+	at += 3 * (size_t)s->coord_bytes;
+	if (s->vertex_payload)
+		memcpy(at, &err, 4);
+	return at + s->vertex_payload;
+}
 
 /* Scratch of loads, grown as needed and reused; zero-initialise. */
 typedef struct wh_store_scratch {
 	uint8_t *raw; /* the file without its header */
 	size_t raw_cap;
-	uint64_t *order; /* of vertices that do not ascend in the file */
-	size_t order_cap;
-	uint32_t *index; /* from global ids to places */
-	size_t index_cap;
+	wh_places places;      /* of the vertices */
 	uint64_t unreferenced; /* of the last load: vertices of no face, not cut, dropped */
 } wh_store_scratch;
 
 /* Bytes of a scratch that loads clusters of these counts. */
 static inline size_t wh_store_scratch_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
 {
-	return (size_t)nf * wh_store_face_bytes(s) +
-	       (size_t)nv * (wh_store_vertex_bytes(s) + 8 + 8) + 1024;
+	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s) +
+	       wh_places_bytes(nv, s->id_bytes == 4 ? 30 : 32) + 1024;
 }
 
+/* Makes room for clusters of up to these counts, so that none of them finds too little and has to
+ * get new memory. */
+wh_code wh_store_scratch_fit(wh_ctx *c, const wh_store *s, wh_store_scratch *scratch, uint64_t nv,
+                             uint64_t nf);
 void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
 
 /* Loads a cluster into p: vertices ascending by global id, those without faces dropped, only

@@ -66,7 +66,9 @@ wh_code wh_run_write(wh_run *r, wh_outfile **out)
 {
 	wh_run_phase_begin(r);
 	wh_progress_phase(&r->progress, "order", r->patch.nv);
-	wh_code code = wh_patch_order(r->c, &r->patch);
+	wh_order_work work = {0};
+	wh_code code = wh_patch_order(r->c, &r->patch, &work);
+	wh_order_work_free(r->c, &work);
 	if (code == WH_OK)
 		code = wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch,
 		                       r->ingest.scale);
