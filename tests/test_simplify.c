@@ -382,6 +382,7 @@ static void the_log_counts_every_collapse(void **state)
 	grid(&f, 30, 30, 0.02, 2);
 	wh_simplify_params p = no_limits();
 	p.log = log;
+	p.log_in_order = true;
 	p.target_faces = 100;
 	const uint32_t before = f.p.nf;
 	reduce_with(&f, &p);

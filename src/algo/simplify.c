@@ -109,8 +109,9 @@ static void note_collapse(wh_engine *e, const wh_trial *t, double err)
 	}
 	r->highest_err = fmax(r->highest_err, err);
 	if (e->params->log) {
+		const double cost = e->params->log_in_order ? r->highest_cost : t->cost;
 		int64_t bits;
-		memcpy(&bits, &r->highest_cost, sizeof bits);
+		memcpy(&bits, &cost, sizeof bits);
 		const int64_t bin = bits >> (52 - WH_LOG_MANTISSA);
 		e->params->log->collapses[bin]++;
 		e->params->log->faces[bin] += t->nshared;

@@ -9,9 +9,7 @@
 
 #include "mesh/patch.h"
 
-/* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. A collapse
- * counts at the highest cost so far, so that bins fill in ascending order: the collapses below a
- * bin are the first ones of the run. */
+/* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. */
 enum { WH_LOG_MANTISSA = 4, WH_LOG_BINS = 2048 << WH_LOG_MANTISSA };
 
 typedef struct wh_cost_log {
@@ -32,6 +30,8 @@ typedef struct wh_simplify_params {
 	bool no_overshoot; /* where only one face is left to go and no boundary edge to take it,
 	                      stop one above the target instead of one below */
 	wh_cost_log *log;  /* is added to; NULL: no log */
+	bool log_in_order; /* a collapse counts at the highest cost so far, not at its own: the
+	                      collapses below a bin are the first ones of the run */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

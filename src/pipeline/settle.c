@@ -31,6 +31,7 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const uint32_t before = h->patch.nf;
 	wh_cluster_params p = {.all = s->params->all};
 	p.all.log = log;
+	p.all.log_in_order = true;
 	wh_simplify_result done;
 	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &done) != WH_OK)
 		return c->err.code;
