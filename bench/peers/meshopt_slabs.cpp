@@ -4,11 +4,13 @@
 // axis into one slab a thread, with as many faces each, simplifies the slabs at the same time with
 // their borders locked, down to SLACK (1.5) times the share wanted, joins them and simplifies the
 // whole to the exact count, which thins out the borders too. Of the slacks 1 to 3 on meshes of
-// 0.25 M and 10 M faces, 1.5 gives the smallest time and an error like that of 1.25.
+// 0.25 M and 10 M faces, 1.5 gives the smallest time and an error like that of 1.25. Without an
+// allowance for the borders, a terrain of 0.25 M faces at 1 % has five times the error.
 
 #include "meshopt.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <thread>
 #include <vector>
@@ -101,6 +103,14 @@ static Ids simplify_part(const Part &p, std::size_t faces, unsigned options)
 	return out;
 }
 
+// Faces to leave in a slab of n: the share, and what its locked border, some sqrt(n) long, takes
+// up.
+static std::size_t slab_target(std::size_t n, double share)
+{
+	const auto faces = static_cast<double>(n);
+	return static_cast<std::size_t>(std::min(faces, share * faces + 6 * std::sqrt(faces)));
+}
+
 // Every slab by a thread of its own; the faces left, by the mesh's vertices.
 static std::vector<Ids> simplify_slabs(const Mesh &m, std::size_t slabs, double share)
 {
@@ -111,8 +121,7 @@ static std::vector<Ids> simplify_slabs(const Mesh &m, std::size_t slabs, double 
 	for (std::size_t s = 0; s < slabs; s++)
 		threads.emplace_back([&, s] {
 			const Part p = take_slab(m, axis, bounds[s], bounds[s + 1]);
-			const double faces = share * static_cast<double>(p.ids.size() / 3);
-			out[s] = simplify_part(p, static_cast<std::size_t>(faces),
+			out[s] = simplify_part(p, slab_target(p.ids.size() / 3, share),
 			                       meshopt_SimplifyLockBorder);
 		});
 	for (auto &t : threads)
