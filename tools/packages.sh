@@ -1,15 +1,19 @@
 #!/bin/bash
 # Installs the Debian packages that whittle needs and that are missing: the one list of them.
 #
-# usage: tools/packages.sh build | test
+# usage: tools/packages.sh build | test | bench
 #
-# "build" is enough for the command and the library, "test" adds what the tests use. Where
-# everything is installed nothing is called and no network is needed.
+# "build" is enough for the command and the library, "test" adds what the tests use, "bench" what
+# bench/run compares with. Where everything is installed nothing is called and no network is needed.
 set -euo pipefail
 
 build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev)
 test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
-	clang-format clang-tidy binutils)
+	clang-format clang-tidy binutils python3 valgrind)
+# The last line is MeshLab, with a display and OpenGL of software, which its server wants.
+bench_packages=(g++ python3 python3-matplotlib valgrind libmeshoptimizer-dev libopenmesh-dev
+	libcgal-dev libeigen3-dev libvtk9-dev libgts-dev
+	meshlab xvfb xauth libgl1-mesa-dri)
 
 is_installed() {
 	[ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
@@ -41,8 +45,9 @@ install_missing() {
 case ${1:-} in
 build) packages=("${build_packages[@]}") ;;
 test) packages=("${build_packages[@]}" "${test_packages[@]}") ;;
+bench) packages=("${build_packages[@]}" "${bench_packages[@]}") ;;
 *)
-	echo "usage: $0 build | test" >&2
+	echo "usage: $0 build | test | bench" >&2
 	exit 2
 	;;
 esac

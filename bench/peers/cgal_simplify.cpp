@@ -6,7 +6,7 @@
 // A soup that is not an oriented manifold is made one first, by orienting its faces and
 // splitting vertices and edges, and the report says how much that added.
 
-#include "peer.hpp"
+#include "soup.hpp"
 
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
@@ -18,6 +18,7 @@
 #include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/LindstromTurk_cost.h>
 #include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/LindstromTurk_placement.h>
 #include <CGAL/Surface_mesh_simplification/edge_collapse.h>
+#include <CGAL/version.h>
 
 #include <functional>
 #include <map>
@@ -66,15 +67,16 @@ static const std::map<std::string, Collapse> methods = {
 static void make_manifold(peer::Soup &s)
 {
 	if (PMP::is_polygon_soup_a_polygon_mesh(s.triangles)) {
-		std::printf("repair: none needed\n");
+		std::fprintf(stderr, "repair: none needed\n");
 		return;
 	}
 	const std::size_t duplicates = PMP::merge_duplicate_polygons_in_polygon_soup(
 	    s.points, s.triangles, CGAL::parameters::erase_all_duplicates(false));
 	const std::size_t before = s.points.size();
 	PMP::orient_polygon_soup(s.points, s.triangles);
-	std::printf("repair: %zu duplicate faces dropped, %zu vertices added by splitting\n",
-	            duplicates, s.points.size() - before);
+	std::fprintf(stderr,
+	             "repair: %zu duplicate faces dropped, %zu vertices added by splitting\n",
+	             duplicates, s.points.size() - before);
 }
 
 static Mesh make_mesh(peer::Soup &s)
@@ -101,17 +103,15 @@ int main(int argc, char **argv)
 		peer::fail("usage: cgal_simplify IN.ply OUT.ply FACES|P% lt|gh|gh-tri|gh-prob");
 	peer::Stopwatch clock;
 	std::size_t degenerate;
-	peer::Soup soup = peer::read(argv[1], degenerate);
-	const double load = clock.lap();
+	peer::Soup soup = peer::read_soup(argv[1], degenerate);
 	Mesh mesh = make_mesh(soup);
+	soup = {};
 	const std::size_t before = mesh.number_of_faces();
-	const double build = clock.lap();
+	const double load = clock.lap();
 	methods.at(argv[4])(mesh, peer::parse_target(argv[3], before));
-	const double collapse = clock.lap();
+	const double simplify = clock.lap();
 	write(argv[2], mesh);
-	std::printf("%s: %zu -> %zu faces (%zu degenerate dropped), load %.2f s, build %.2f s, "
-	            "collapse %.2f s, write %.2f s\n",
-	            argv[4], before, static_cast<std::size_t>(mesh.number_of_faces()), degenerate,
-	            load, build, collapse, clock.lap());
+	peer::print({"CGAL", CGAL_VERSION_STR, before, mesh.number_of_faces(), load, simplify,
+	             clock.lap()});
 	return 0;
 }

@@ -1,36 +1,86 @@
-// What the peer programs share: a triangle soup in and out of PLY, a clock, failing.
-// Reading and writing are CGAL's; they are timed apart from the simplification itself.
+// What the peer programs share: a mesh of float triangles in and out of PLY, a clock, a report,
+// failing. Every program is called as NAME IN.ply OUT.ply FACES|P% [METHOD] and prints one line of
+// JSON with the seconds of loading (until the library's own mesh stands), simplifying and saving.
 #ifndef WHITTLE_BENCH_PEER_HPP
 #define WHITTLE_BENCH_PEER_HPP
 
-#include <CGAL/IO/PLY.h>
-#include <CGAL/Simple_cartesian.h>
-
-#include <array>
 #include <chrono>
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <string>
-#include <vector>
 
 namespace peer
 {
 
-using Kernel = CGAL::Simple_cartesian<double>;
-using Point = Kernel::Point_3;
-using Triangle = std::array<std::size_t, 3>;
+// An array that is not filled with zeros first: what is read from a file is written once.
+template <typename T>
+class Buffer
+{
+      public:
+	Buffer() = default;
+	explicit Buffer(std::size_t n) : data_(new T[n]), size_(n)
+	{
+	}
+	T *data()
+	{
+		return data_.get();
+	}
+	const T *data() const
+	{
+		return data_.get();
+	}
+	std::size_t size() const
+	{
+		return size_;
+	}
+	// Forgets the end.
+	void shrink(std::size_t n)
+	{
+		size_ = n;
+	}
+	T &operator[](std::size_t i)
+	{
+		return data_[i];
+	}
+	const T &operator[](std::size_t i) const
+	{
+		return data_[i];
+	}
 
-struct Soup {
-	std::vector<Point> points;
-	std::vector<Triangle> triangles;
+      private:
+	std::unique_ptr<T[]> data_;
+	std::size_t size_ = 0;
 };
 
-[[noreturn]] inline void fail(const std::string &text)
-{
-	std::fprintf(stderr, "%s\n", text.c_str());
-	std::exit(1);
-}
+struct Mesh {
+	Buffer<float> xyz;         // three a vertex
+	Buffer<std::uint32_t> ids; // three a face
+	std::size_t degenerate = 0;
+
+	std::size_t vertices() const
+	{
+		return xyz.size() / 3;
+	}
+	std::size_t faces() const
+	{
+		return ids.size() / 3;
+	}
+};
+
+[[noreturn]] void fail(const std::string &text);
+
+// Reads triangles; ones with a repeated corner are left out and counted. Binary little-endian
+// files of float positions and nothing else go through a reader of one pass that is bound by
+// memory, others through CGAL's, where the programs were built with CGAL.
+Mesh read(const std::string &path);
+
+// Writes the first nv vertices and nf faces given, binary little endian.
+void write(const std::string &path, const float *xyz, std::size_t nv, const std::uint32_t *ids,
+           std::size_t nf);
+
+// A count of faces, or of the input's faces with a percent sign.
+std::size_t parse_target(const char *text, std::size_t faces);
 
 // Seconds since the last lap.
 class Stopwatch
@@ -48,41 +98,13 @@ class Stopwatch
 	std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-inline bool is_degenerate(const std::vector<std::size_t> &f)
-{
-	return f[0] == f[1] || f[1] == f[2] || f[2] == f[0];
-}
+struct Report {
+	std::string library, version;
+	std::size_t faces_in, faces_out;
+	double load, simplify, save;
+};
 
-// Reads triangles; ones with a repeated corner are left out and counted.
-inline Soup read(const std::string &path, std::size_t &degenerate)
-{
-	Soup s;
-	std::vector<std::vector<std::size_t>> polygons;
-	std::ifstream in(path, std::ios::binary);
-	if (!in || !CGAL::IO::read_PLY(in, s.points, polygons))
-		fail(path + ": cannot be read as PLY");
-	s.triangles.reserve(polygons.size());
-	degenerate = 0;
-	for (const auto &f : polygons) {
-		if (f.size() != 3)
-			fail(path + ": has faces that are not triangles");
-		if (is_degenerate(f))
-			degenerate++;
-		else
-			s.triangles.push_back({f[0], f[1], f[2]});
-	}
-	return s;
-}
-
-// A count of faces, or of the input's faces with a percent sign.
-inline std::size_t parse_target(const char *text, std::size_t faces)
-{
-	char *end = nullptr;
-	const double x = std::strtod(text, &end);
-	if (end == text || x < 0)
-		fail(std::string("not a number of faces: ") + text);
-	return static_cast<std::size_t>(*end == '%' ? x / 100 * static_cast<double>(faces) : x);
-}
+void print(const Report &r);
 
 } // namespace peer
 
