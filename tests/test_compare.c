@@ -360,6 +360,55 @@ static void surface_without_area_has_vertices_only(void **state)
 	testing_done(&t);
 }
 
+/* A roof of slope 3/4 over a plane: a right triangle of sides 3, 4, 5 everywhere. */
+static void normals_deviate_by_the_slope(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 10, 0, 0), b = make_sheet(&t, 20, 0, 0);
+	for (uint32_t v = 0; v < b.nv; v++)
+		b.pos[v].z = 0.75 * (0.5 - fabs(b.pos[v].x - 0.5));
+	const double slope = atan2(3, 4) * 180 / acos(-1);
+	wh_compare r = compare(&t, 2, &a, &b, 20000, 0);
+	near(r.b_to_a.normal_mean, slope, 1e-10);
+	near(r.a_to_b.normal_mean, slope, 1e-10);
+	near(r.a_to_b.normal_rms, slope, 1e-10);
+	near(r.both.normal_rms, slope, 1e-10);
+	near(r.normal_rms, slope, 1e-10);
+	assert_int_equal(r.both.normals, 40000);
+	for (size_t f = 0; f < a.nf; f++) { /* turned over */
+		const uint32_t first = a.tri[3 * f];
+		a.tri[3 * f] = a.tri[3 * f + 1];
+		a.tri[3 * f + 1] = first;
+	}
+	r = compare(&t, 2, &a, &b, 20000, 0);
+	near(r.a_to_b.normal_mean, 180 - slope, 1e-10);
+	r = compare(&t, 2, &a, &a, 20000, 0);
+	near(r.both.normal_rms, 0, 1e-10);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* A face that is but a point, close to the sheet, is nearest to all of it, and has no normal. */
+static void degenerate_faces_have_no_normal(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 4, 0, 0), b = make_sheet(&t, 2, 9, 0);
+	b.pos[8] = wh_v3(0.5, 0.5, 0.125); /* the last corner, of the last face alone */
+	memcpy(b.tri + 3 * (size_t)(b.nf - 1), (uint32_t[]){8, 8, 8}, 12);
+	const wh_compare r = compare(&t, 1, &a, &b, 1000, 0);
+	assert_int_equal(r.a_to_b.normals, 0);
+	assert_true(r.a_to_b.normal_rms == 0);
+	assert_int_equal(r.b_to_a.normals, 1000);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
 static void nothing_to_compare_is_refused(void **state)
 {
 	(void)state;
@@ -419,6 +468,8 @@ int main(void)
 	    cmocka_unit_test(distance_bears_offsets_and_units),
 	    cmocka_unit_test(threads_leave_no_trace),
 	    cmocka_unit_test(surface_without_area_has_vertices_only),
+	    cmocka_unit_test(normals_deviate_by_the_slope),
+	    cmocka_unit_test(degenerate_faces_have_no_normal),
 	    cmocka_unit_test(nothing_to_compare_is_refused),
 	    cmocka_unit_test(refused_memory_leaks_nothing),
 	};

@@ -23,7 +23,8 @@ static void print_help(void)
 	    "Measures how far A and B are from each other: from points of A to the nearest point\n"
 	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
 	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
-	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'.\n\n"
+	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'. Normals:\n"
+	    "the angle between a point's face and the nearest face of the other mesh.\n\n"
 	    "  --json       print JSON instead of a table\n"
 	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
 	    "  --seed N     other points (default 0)\n"
@@ -162,6 +163,15 @@ static void print_block(const wh_compare *r, const char *title, double factor, c
 	}
 }
 
+static void print_normals(const wh_compare *r)
+{
+	const double mean[] = {r->a_to_b.normal_mean, r->b_to_a.normal_mean, r->both.normal_mean};
+	const double rms[] = {r->a_to_b.normal_rms, r->b_to_a.normal_rms, r->both.normal_rms};
+	(void)printf("degrees between normals\n");
+	print_row("  mean", mean, "%14.4f");
+	print_row("  RMS", rms, "%14.4f");
+}
+
 static void print_table(const wh_compare *r)
 {
 	const double percent = millionths(1, r->diagonal) / 1e4;
@@ -169,6 +179,7 @@ static void print_table(const wh_compare *r)
 	print_block(r, "distance", 1, "%14.6g");
 	print_block(r, "% of the diagonal", percent, "%14.6f");
 	print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
+	print_normals(r);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "samples", r->a_to_b.samples,
 	             r->b_to_a.samples, r->both.samples);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
@@ -188,11 +199,21 @@ static json_t *json_figures(const wh_distance *d, double factor)
 	return j;
 }
 
+static json_t *json_normals(const wh_distance *d)
+{
+	json_t *j = json_object();
+	(void)json_object_set_new(j, "mean", json_real(d->normal_mean));
+	(void)json_object_set_new(j, "rms", json_real(d->normal_rms));
+	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->normals));
+	return j;
+}
+
 static json_t *json_side(const wh_distance *d, double diagonal)
 {
 	json_t *j = json_figures(d, 1);
 	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->samples));
 	(void)json_object_set_new(j, "vertices", json_integer((json_int_t)d->vertices));
+	(void)json_object_set_new(j, "normal", json_normals(d));
 	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
 	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
 	return j;
@@ -212,6 +233,7 @@ static wh_code print_json(wh_ctx *c, const options *o, const wh_compare *r)
 	bad |= json_object_set_new(j, "diagonal", json_real(r->diagonal));
 	bad |= json_object_set_new(j, "rms", json_real(r->rms));
 	bad |= json_object_set_new(j, "rms_millionths", json_real(millionths(r->rms, r->diagonal)));
+	bad |= json_object_set_new(j, "normal_rms", json_real(r->normal_rms));
 	bad |= json_object_set_new(j, "a_to_b", json_side(&r->a_to_b, r->diagonal));
 	bad |= json_object_set_new(j, "b_to_a", json_side(&r->b_to_a, r->diagonal));
 	bad |= json_object_set_new(j, "both", json_side(&r->both, r->diagonal));

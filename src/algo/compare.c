@@ -28,6 +28,8 @@ enum {
 	NBINS = OCTAVES << BIN_BITS
 };
 
+#define DEGREES (180 / 3.14159265358979323846) /* of a radian */
+
 typedef struct surface {
 	wh_bvh tree;
 	double *area; /* nf + 1: of all faces before this one */
@@ -36,6 +38,8 @@ typedef struct surface {
 /* What the points of a chunk add up to, in the common frame. */
 typedef struct sums {
 	double d, d2, max2;
+	double angle, angle2; /* between normals, radians */
+	uint64_t angles;      /* samples that have one */
 } sums;
 
 /* ---- preparing
@@ -76,13 +80,19 @@ static wh_code bound(wh_ctx *c, const wh_mesh *m, const char *which, box *b)
 	return WH_OK;
 }
 
+/* Normal of a face, twice as long as its area. */
+static wh_vec3 face_normal(const wh_mesh *m, uint32_t f)
+{
+	const uint32_t *t = m->tri + 3 * (size_t)f;
+	const wh_vec3 a = m->pos[t[0]];
+	return wh_cross(wh_sub(m->pos[t[1]], a), wh_sub(m->pos[t[2]], a));
+}
+
 /* Area of a face, in the common frame; the scaling of the frame keeps it from over- or underflow.
  */
 static double face_area(const wh_mesh *m, uint32_t f)
 {
-	const uint32_t *t = m->tri + 3 * (size_t)f;
-	const wh_vec3 a = m->pos[t[0]];
-	return 0.5 * wh_norm(wh_cross(wh_sub(m->pos[t[1]], a), wh_sub(m->pos[t[2]], a)));
+	return 0.5 * wh_norm(face_normal(m, f));
 }
 
 static wh_code prepare(wh_ctx *c, const wh_exec *ex, const wh_mesh *m, const wh_frame *f,
@@ -183,6 +193,20 @@ static double bin_end(uint32_t bin)
 	return d;
 }
 
+/* The angle between the normals of two faces; none when one is degenerate. */
+static void measure_normals(const wh_mesh *a, uint32_t f, const wh_mesh *b, uint32_t g, sums *sum)
+{
+	const wh_vec3 m = face_normal(a, f), n = face_normal(b, g);
+	const double mm = wh_norm(m), nn = wh_norm(n);
+	if (!(mm > 0) || !(nn > 0))
+		return;
+	const wh_vec3 u = wh_scale(m, 1 / mm), v = wh_scale(n, 1 / nn);
+	const double angle = atan2(wh_norm(wh_cross(u, v)), wh_dot(u, v));
+	sum->angle += angle;
+	sum->angle2 += angle * angle;
+	sum->angles++;
+}
+
 static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *sum, uint64_t *bins)
 {
 	const double total = s->from->area[s->from->tree.mesh.nf];
@@ -196,6 +220,7 @@ static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *s
 		sum->d2 += d2;
 		sum->max2 = fmax(sum->max2, d2);
 		bins[bin_of(d)]++;
+		measure_normals(&s->from->tree.mesh, face, &s->to->tree.mesh, hint, sum);
 	}
 }
 
@@ -236,15 +261,22 @@ static uint64_t chunks_of(uint64_t n)
 	return (n + CHUNK - 1) / CHUNK;
 }
 
+static void add_sums(sums *total, const sums *part)
+{
+	total->d += part->d;
+	total->d2 += part->d2;
+	total->max2 = fmax(total->max2, part->max2);
+	total->angle += part->angle;
+	total->angle2 += part->angle2;
+	total->angles += part->angles;
+}
+
 /* The sums of all chunks, and all workers' bins in those of worker 0. */
 static sums total_of(const side *s, int workers)
 {
 	sums total = {0};
-	for (uint64_t i = 0; i < s->chunks; i++) {
-		total.d += s->sums[i].d;
-		total.d2 += s->sums[i].d2;
-		total.max2 = fmax(total.max2, s->sums[i].max2);
-	}
+	for (uint64_t i = 0; i < s->chunks; i++)
+		add_sums(&total, s->sums + i);
 	for (size_t w = 1; w < (size_t)workers; w++)
 		for (size_t b = 0; b < NBINS; b++)
 			s->bins[b] += s->bins[w * NBINS + b];
@@ -298,14 +330,19 @@ static wh_distance describe(const sums *s, const uint64_t *bins, uint64_t sample
 	d.p50 = fmin(percentile(bins, samples, 0.50) * unit, d.max);
 	d.p90 = fmin(percentile(bins, samples, 0.90) * unit, d.max);
 	d.p99 = fmin(percentile(bins, samples, 0.99) * unit, d.max);
+	d.normals = s->angles;
+	if (s->angles > 0) {
+		d.normal_mean = s->angle / (double)s->angles * DEGREES;
+		d.normal_rms = sqrt(s->angle2 / (double)s->angles) * DEGREES;
+	}
 	return d;
 }
 
 static wh_distance describe_both(const sums total[2], const uint64_t *bins, const wh_distance *a,
                                  const wh_distance *b, double unit)
 {
-	const sums all = {total[0].d + total[1].d, total[0].d2 + total[1].d2,
-	                  fmax(total[0].max2, total[1].max2)};
+	sums all = total[0];
+	add_sums(&all, total + 1);
 	return describe(&all, bins, a->samples + b->samples, a->vertices + b->vertices, unit);
 }
 
@@ -337,6 +374,7 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 		bins[b] += bins[NBINS + b];
 	r->both = describe_both(total, bins, out[0], out[1], unit);
 	r->rms = fmax(r->a_to_b.rms, r->b_to_a.rms);
+	r->normal_rms = fmax(r->a_to_b.normal_rms, r->b_to_a.normal_rms);
 out:
 	wh_free(c, bins);
 	return c->err.code;

@@ -6,6 +6,10 @@
  * equal area, and all of its vertices. Mean, RMS and percentiles are of the area samples, so they
  * do not depend on how a surface is cut into triangles; the maximum is of samples and vertices.
  * Vertices that no face uses play no part.
+ *
+ * The normal deviation of a sample is the angle between the normals of the face it is on and of
+ * the face nearest to it. On an edge or a corner one of the faces there is nearest: which one
+ * depends on the meshes and the samples alone. Opposite orientations differ by 180 degrees.
  */
 #ifndef WH_ALGO_COMPARE_H
 #define WH_ALGO_COMPARE_H
@@ -26,15 +30,19 @@ typedef struct wh_distance {
 	double rms;
 	double max;
 	double p50, p90, p99; /* of the samples this share is no farther; within 1 % */
+	uint64_t normals;     /* samples with a normal at either end: no degenerate face there */
+	double normal_mean;   /* of their normal deviation, degrees */
+	double normal_rms;
 } wh_distance;
 
 typedef struct wh_compare {
 	double diagonal;    /* of the box around a: what relative figures are relative to */
 	wh_distance a_to_b; /* points of a, distances from b */
 	wh_distance b_to_a;
-	wh_distance both; /* the samples of both sides as one set */
-	double rms;       /* the larger of the two sides' RMS: what "two-sided RMS" means in
-	                   * comparisons of simplifiers, ours included */
+	wh_distance both;  /* the samples of both sides as one set */
+	double rms;        /* the larger of the two sides' RMS: what "two-sided RMS" means in
+	                    * comparisons of simplifiers, ours included */
+	double normal_rms; /* the larger of the two sides' */
 } wh_compare;
 
 /*

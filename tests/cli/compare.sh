@@ -17,12 +17,14 @@ expect 0 "$WHITTLE" compare low.ply high.ply --samples 10K
 grep -q '^  mean  *0.5  *0.5  *0.5$' out || fail "the mean is not 0.5: $(cat out)"
 grep -q '^  max  *10.000000  *10.000000  *10.000000$' out || fail "the maximum is not 10 %"
 grep -q '^  RMS  *100000.00  *100000.00  *100000.00$' out || fail "the RMS is not 1e5"
+grep -A2 '^degrees between normals' out | grep -q '^  RMS  *0.0000  *0.0000  *0.0000$' ||
+	fail "parallel planes deviate: $(cat out)"
 grep -q '^samples  *10000  *10000  *20000$' out || fail "samples"
 grep -q '^diagonal of A  *5$' out || fail "diagonal"
 expect 0 "$WHITTLE" compare low.ply low.ply --samples 1K
 grep -q '^larger RMS  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
 expect 0 "$WHITTLE" compare low.ply high.ply --json --samples 1000
-for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000'; do
+for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000' '"normal_rms": 0.0'; do
 	grep -q "$want" out || fail "no $want in the JSON: $(cat out)"
 done
 
