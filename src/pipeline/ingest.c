@@ -46,6 +46,7 @@ typedef struct bench {
 	wh_parcel out;
 	uint64_t *away; /* visits of the faces at hand: no more than two each */
 	size_t aways;
+	size_t cuts; /* of the vertices sent; their positions come first in xyz then */
 	uint64_t degenerate;
 	wh_vec3 lo, hi;
 } bench;
@@ -305,6 +306,12 @@ static void send_vertex(const ingest *g, bench *b, uint32_t cluster, uint64_t gi
 	                          cut ? WH_CUT | WH_NEVER : 0, p, 0);
 }
 
+/* The position has been sent: it may make room for that of the next cut vertex. */
+static void keep_cut(bench *b, size_t i)
+{
+	memmove(&b->xyz[3 * b->cuts++], &b->xyz[3 * i], 3 * sizeof *b->xyz);
+}
+
 /* Sends about CHUNK records: those of the vertices that begin in this part of all. */
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
@@ -319,6 +326,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		return c->err.code;
 	const wh_visits *v = &g->visits;
 	size_t at = wh_visits_find(v, first);
+	b->cuts = 0;
 	for (size_t i = 0; i < n; i++) {
 		const uint64_t gid = first + i;
 		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
@@ -326,17 +334,33 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		send_vertex(g, b, b->home[i], gid, cut, p);
 		for (; at < v->n && wh_visit_vertex(v->item[at]) == gid; at++)
 			send_vertex(g, b, wh_visit_cluster(v->item[at]), gid, cut, p);
+		if (cut)
+			keep_cut(b, i);
 	}
 	wh_parcel_sort(&b->out);
 	wh_progress_add(g->progress, n);
 	return WH_OK;
 }
 
+static wh_code list_cuts(wh_ctx *c, ingest *g, const bench *b)
+{
+	wh_cut_list *cuts = g->params->cuts;
+	if (!cuts || b->cuts == 0)
+		return WH_OK;
+	const size_t each = 3 * sizeof *b->xyz;
+	const uint64_t at = cuts->n * each;
+	cuts->n += b->cuts;
+	return wh_spill_pwrite(c, g->store->spill, cuts->fd, b->xyz, b->cuts * each, at);
+}
+
 static wh_code vertex_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	ingest *g = arg;
-	return wh_dispatch_vertices(c, &g->out, &g->worker[worker].out);
+	const bench *b = &g->worker[worker];
+	if (list_cuts(c, g, b) != WH_OK)
+		return c->err.code;
+	return wh_dispatch_vertices(c, &g->out, &b->out);
 }
 
 static uint64_t count_vertices(const wh_visits *v)
@@ -540,6 +564,8 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	if (src->nv > WH_VISIT_VERTICES)
 		return wh_fail(c, WH_E_PLAN, "%s: more than 2^48 vertices", src->path);
 	describe_store(src, params, store);
+	if (params->cuts)
+		params->cuts->n = 0;
 	ingest g = {.src = src,
 	            .store = store,
 	            .progress = progress,
