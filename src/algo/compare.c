@@ -16,6 +16,7 @@
  */
 #include "algo/compare.h"
 
+#include "algo/compare_band.h"
 #include "base/rng.h"
 #include "mesh/bvh.h"
 
@@ -32,7 +33,9 @@ enum {
 
 typedef struct surface {
 	wh_bvh tree;
-	double *area; /* nf + 1: of all faces before this one */
+	double *area;  /* nf + 1: of all faces before this one */
+	uint8_t *band; /* nf: 1 in the band along the cuts; NULL: no band is asked for, or of the
+	                * other surface */
 } surface;
 
 /* What the points of a chunk add up to, in the common frame. */
@@ -40,6 +43,8 @@ typedef struct sums {
 	double d, d2, max2;
 	double angle, angle2; /* between normals, radians */
 	uint64_t angles;      /* samples that have one */
+	double zone_d2[2];    /* interior, band */
+	uint64_t zone_samples[2];
 } sums;
 
 /* ---- preparing
@@ -111,6 +116,7 @@ static wh_code prepare(wh_ctx *c, const wh_exec *ex, const wh_mesh *m, const wh_
 
 static void release(wh_ctx *c, surface *s)
 {
+	wh_free(c, s->band);
 	wh_free(c, s->area);
 	wh_bvh_free(c, &s->tree);
 }
@@ -207,6 +213,12 @@ static void measure_normals(const wh_mesh *a, uint32_t f, const wh_mesh *b, uint
 	sum->angles++;
 }
 
+static void add_to_zone(sums *sum, uint8_t zone, double d2)
+{
+	sum->zone_d2[zone] += d2;
+	sum->zone_samples[zone]++;
+}
+
 static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *sum, uint64_t *bins)
 {
 	const double total = s->from->area[s->from->tree.mesh.nf];
@@ -221,6 +233,10 @@ static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *s
 		sum->max2 = fmax(sum->max2, d2);
 		bins[bin_of(d)]++;
 		measure_normals(&s->from->tree.mesh, face, &s->to->tree.mesh, hint, sum);
+		if (s->from->band)
+			add_to_zone(sum, s->from->band[face], d2);
+		if (s->to->band)
+			add_to_zone(sum, s->to->band[hint], d2);
 	}
 }
 
@@ -269,6 +285,10 @@ static void add_sums(sums *total, const sums *part)
 	total->angle += part->angle;
 	total->angle2 += part->angle2;
 	total->angles += part->angles;
+	for (int zone = 0; zone < 2; zone++) {
+		total->zone_d2[zone] += part->zone_d2[zone];
+		total->zone_samples[zone] += part->zone_samples[zone];
+	}
 }
 
 /* The sums of all chunks, and all workers' bins in those of worker 0. */
@@ -346,6 +366,36 @@ static wh_distance describe_both(const sums total[2], const uint64_t *bins, cons
 	return describe(&all, bins, a->samples + b->samples, a->vertices + b->vertices, unit);
 }
 
+static void describe_zones(const surface *b, const sums total[2], double unit, wh_compare *r)
+{
+	wh_compare_zone *const zone[2] = {&r->interior, &r->band};
+	if (!b->band)
+		return;
+	for (uint32_t f = 0; f < b->tree.mesh.nf; f++) {
+		zone[b->band[f]]->faces++;
+		zone[b->band[f]]->area += face_area(&b->tree.mesh, f) * unit * unit;
+	}
+	for (int z = 0; z < 2; z++) {
+		const double d2 = total[0].zone_d2[z] + total[1].zone_d2[z];
+		zone[z]->samples = total[0].zone_samples[z] + total[1].zone_samples[z];
+		if (zone[z]->samples > 0)
+			zone[z]->rms = sqrt(d2 / (double)zone[z]->samples) * unit;
+	}
+}
+
+double wh_compare_rms_ratio(const wh_compare *r)
+{
+	return r->band.samples > 0 && r->interior.rms > 0 ? r->band.rms / r->interior.rms : NAN;
+}
+
+double wh_compare_density_ratio(const wh_compare *r)
+{
+	if (!(r->band.area > 0) || !(r->interior.area > 0))
+		return NAN;
+	return (double)r->band.faces / r->band.area /
+	       ((double)r->interior.faces / r->interior.area);
+}
+
 /* Samples of one side: none where there is no area to put them. */
 static uint64_t samples_of(const surface *s, uint64_t wanted)
 {
@@ -375,6 +425,7 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 	r->both = describe_both(total, bins, out[0], out[1], unit);
 	r->rms = fmax(r->a_to_b.rms, r->b_to_a.rms);
 	r->normal_rms = fmax(r->a_to_b.normal_rms, r->b_to_a.normal_rms);
+	describe_zones(s + 1, total, unit, r);
 out:
 	wh_free(c, bins);
 	return c->err.code;
@@ -386,6 +437,26 @@ static uint64_t default_samples(const wh_mesh *a, const wh_mesh *b)
 	return faces > 1000000 ? faces : 1000000;
 }
 
+/* The box around both meshes and the cuts. */
+static box all_of(const box *a, const box *b, const wh_compare_params *p)
+{
+	box all = {min_of(a->lo, b->lo), max_of(a->hi, b->hi)};
+	for (uint64_t i = 0; p->cuts && i < p->ncuts; i++)
+		all = (box){min_of(all.lo, p->cuts[i]), max_of(all.hi, p->cuts[i])};
+	return all;
+}
+
+static wh_code mark_band(wh_ctx *c, const wh_exec *ex, const wh_compare_params *p,
+                         const wh_frame *f, surface *b)
+{
+	if (!p->cuts)
+		return WH_OK;
+	b->band = wh_alloc(c, b->tree.mesh.nf, sizeof *b->band);
+	if (!b->band)
+		return c->err.code;
+	return wh_compare_band(c, ex, &b->tree, f, p->cuts, p->ncuts, b->band);
+}
+
 wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const wh_mesh *b,
                           const wh_compare_params *params, wh_compare *r)
 {
@@ -393,13 +464,16 @@ wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const 
 	box ba, bb;
 	if (bound(c, a, "first", &ba) != WH_OK || bound(c, b, "second", &bb) != WH_OK)
 		return c->err.code;
-	const wh_frame f = wh_frame_of_box(min_of(ba.lo, bb.lo), max_of(ba.hi, bb.hi));
+	const box all = all_of(&ba, &bb, params);
+	const wh_frame f = wh_frame_of_box(all.lo, all.hi);
 	r->diagonal = wh_norm(wh_sub(wh_scale(ba.hi, f.scale), wh_scale(ba.lo, f.scale))) / f.scale;
 	const uint64_t samples = params->samples ? params->samples : default_samples(a, b);
 	surface s[2] = {0};
 	wh_code code = prepare(c, ex, a, &f, s);
 	if (code == WH_OK)
 		code = prepare(c, ex, b, &f, s + 1);
+	if (code == WH_OK)
+		code = mark_band(c, ex, params, &f, s + 1);
 	if (code == WH_OK)
 		code = measure_both(c, ex, s, samples, params->seed, 1 / f.scale, r);
 	release(c, s + 1);

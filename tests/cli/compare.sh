@@ -39,7 +39,34 @@ cmp -s out.1 out.2 && cmp -s out.1 out.3 || fail "threads changed the figures"
 expect 0 "$WHITTLE" compare a.ply b.ply --json --samples 50K --seed 1
 cmp -s out.1 out && fail "the seed changed nothing"
 
+# the band along the cuts; beside a result that was never cut there is little to see
+"$WHITTLE" reduce -q a.ply -o cut.ply --faces 10% --cluster-faces 2K --seams seams.ply || fail "reduce"
+"$WHITTLE" reduce -q a.ply -o whole.ply --faces 10% --cluster-faces 0 --micro-faces 0 --seams none.ply ||
+	fail "reduce"
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams seams.ply --reference whole.ply
+[ "$(grep -c '^  ratio of RMS  *[01]\.[0-9]*$' out)" -eq 3 ] || fail "ratios of RMS: $(cat out)"
+[ "$(grep -c '^  ratio of faces / area  *[01]\.[0-9]*$' out)" -eq 3 ] || fail "ratios of density"
+grep -A5 '^B over' out | grep -q '^  ratio of RMS  *\(0\.9\|1\.0\)' || fail "the cuts show: $(cat out)"
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams none.ply
+grep -q '^  ratio of RMS  *undefined$' out || fail "a ratio without a cut"
+for threads in 1 3; do
+	expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams seams.ply --reference whole.ply \
+		--json --threads $threads
+	mv out out.$threads
+done
+cmp -s out.1 out.3 || fail "threads changed the band"
+for want in band interior rms_ratio density_ratio reference rms_ratio_over_reference; do
+	grep -q "\"$want\": " out.1 || fail "no $want in the JSON"
+done
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 1K --seams none.ply --json
+grep -q '"rms_ratio": null' out || fail "no null for a ratio that is undefined"
+
 # refusals
+expect 2 "$WHITTLE" compare a.ply b.ply --reference b.ply
+expect 3 "$WHITTLE" compare a.ply b.ply --seams low.ply
+grep -q 'low.ply.*no binary PLY' err || fail "text is not refused as seams: $(cat err)"
+expect 3 "$WHITTLE" compare a.ply b.ply --seams missing.ply
+expect 3 "$WHITTLE" compare a.ply b.ply --seams seams.ply --reference missing.ply
 expect 2 "$WHITTLE" compare
 expect 2 "$WHITTLE" compare a.ply
 expect 2 "$WHITTLE" compare a.ply b.ply low.ply
