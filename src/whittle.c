@@ -33,17 +33,17 @@ wh_reduce_params wh_reduce_defaults(void)
 static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
 	if (wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
-	    wh_run_open_spill(r) != WH_OK)
+	    wh_run_open_spill(r) != WH_OK || wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_OPEN, wh_run_open_input(r, false)) != WH_OK)
 		return r->c->err.code;
 	if (wh_run_copies(r))
-		return wh_run_copy_input(r, out);
+		return wh_run_write_seams(r) == WH_OK ? wh_run_copy_input(r, out) : r->c->err.code;
 	wh_run_list_dropped(r);
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_ingest(r)) != WH_OK ||
-	    wh_run_rounds(r) != WH_OK)
+	    wh_run_write_seams(r) != WH_OK || wh_run_rounds(r) != WH_OK)
 		return r->c->err.code;
 	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
 		if (wh_run_settle(r) != WH_OK || wh_run_check_clusters(r) != WH_OK ||
@@ -101,6 +101,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	                         .telling = ATOMIC_FLAG_INIT},
 	            .exec = {.workers = wh_exec_threads(params->threads)},
 	            .memory = params->memory ? params->memory : wh_topo_memory() / 2,
+	            .cuts = {.fd = -1},
 	            .sizes = wh_run_sizes(params)};
 	const size_t old_limit = c->mem->limit;
 	atomic_store(&c->mem->peak, atomic_load(&c->mem->used));
@@ -108,6 +109,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_outfile *out = NULL;
 	wh_code code = all_stages(&r, &out);
 	wh_outfile_abort(c, &out);
+	wh_run_close_seams(&r);
 	const double unit = r.ingest.scale > 0 ? 1 / r.ingest.scale : 1;
 	report->cost_distance = r.work.cost_distance * unit;
 	report->accumulated_error = r.work.highest_err * unit;

@@ -19,6 +19,8 @@ typedef struct wh_reduce_params {
 	const char *output; /* path, or "-" for standard output */
 	bool force;         /* write over an existing output */
 	bool ascii;         /* text instead of binary */
+	const char *seams;  /* NULL, or a path for the cut vertices of the first partition: a binary
+	                       PLY of positions; empty when there is one cluster */
 
 	/* Limits; the first one reached stops. At least one must be set. */
 	uint64_t faces;      /* triangles; 0: none */
@@ -122,7 +124,8 @@ wh_reduce_params wh_reduce_defaults(void);
 
 /*
  * Reduces a mesh. WH_OK, or WH_E_TARGET when the target could not be reached and the best mesh
- * was written; the report is filled in both cases. On any other failure no output appears and
+ * was written; the report is filled in both cases. On any other failure no output appears (save
+ * perhaps the seams, where it is the output's last step that fails) and
  * nothing temporary is left. c->mem->limit is set from params->memory for the time of the call.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);

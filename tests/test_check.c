@@ -249,6 +249,46 @@ static void defects_of_positions_are_counted(void **state)
 	assert_true(r.hi.x == 2 && r.hi.y == 1 && r.hi.z == 0); /* of referenced ones only */
 }
 
+/* One equilateral face, one with a right angle, one on a line; all in units of 2^-600, where
+ * areas underflow. */
+static void radius_ratios_are_of_the_shape_alone(void **state)
+{
+	(void)state;
+	const double unit = ldexp(1, -600);
+	const double xyz[][3] = {{0, 0, 0},
+	                         {unit, 0, 0},
+	                         {unit / 2, unit * sqrt(0.75), 0},
+	                         {0, unit, 0},
+	                         {2 * unit, 0, 0}};
+	static const uint32_t tri[][3] = {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}};
+	const double right = 2 * sqrt(2) - 2; /* legs 1: 2 r / R = (2 - sqrt(2)) / (sqrt(2) / 2) */
+	wh_check r = check(5, xyz, 1, tri);
+	assert_true(fabs(r.radius_ratio_mean - 1) < 1e-15);
+	assert_true(r.radius_ratio_p5 >= 0.999 && r.radius_ratio_p5 <= 1);
+	r = check(5, xyz, 2, tri);
+	assert_true(fabs(r.radius_ratio_mean - (1 + right) / 2) < 1e-15);
+	assert_true(r.radius_ratio_p5 <= right && r.radius_ratio_p5 > right - 0.001);
+	r = check(5, xyz, 3, tri);
+	assert_true(fabs(r.radius_ratio_mean - (1 + right) / 3) < 1e-15);
+	assert_true(r.radius_ratio_p5 == 0);
+}
+
+/* Of 40 faces two are slivers: one in 20. With one sliver, one in 20 is no sliver. */
+static void the_fifth_percentile_is_reached_by_one_face_in_twenty(void **state)
+{
+	(void)state;
+	static const double xyz[][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0.01, 0}};
+	uint32_t tri[40][3];
+	for (int slivers = 1; slivers <= 2; slivers++) {
+		for (uint32_t f = 0; f < 40; f++)
+			memcpy(tri[f],
+			       (int)f < slivers ? (uint32_t[]){0, 1, 3} : (uint32_t[]){0, 1, 2},
+			       sizeof tri[f]);
+		const wh_check r = check(4, xyz, 40, (const uint32_t(*)[3])tri);
+		assert_true(slivers == 1 ? r.radius_ratio_p5 > 0.8 : r.radius_ratio_p5 < 0.03);
+	}
+}
+
 static void empty_mesh_is_clean(void **state)
 {
 	(void)state;
@@ -438,6 +478,8 @@ int main(void)
 	    cmocka_unit_test(duplicate_faces_count_beyond_the_first),
 	    cmocka_unit_test(degenerate_and_invalid_faces_have_no_edges),
 	    cmocka_unit_test(defects_of_positions_are_counted),
+	    cmocka_unit_test(radius_ratios_are_of_the_shape_alone),
+	    cmocka_unit_test(the_fifth_percentile_is_reached_by_one_face_in_twenty),
 	    cmocka_unit_test(empty_mesh_is_clean),
 	    cmocka_unit_test(hub_vertex_is_sorted_in_time),
 	    cmocka_unit_test(random_soups_match_a_sorted_edge_list),

@@ -114,6 +114,8 @@ static void assert_same(const wh_check *a, const wh_check *b)
 	SAME(euler);
 	SAME(genus);
 	assert_true(a->area == b->area);
+	assert_true(a->radius_ratio_mean == b->radius_ratio_mean);
+	assert_true(a->radius_ratio_p5 == b->radius_ratio_p5);
 	assert_true(a->lo.x == b->lo.x && a->lo.y == b->lo.y && a->lo.z == b->lo.z);
 	assert_true(a->hi.x == b->hi.x && a->hi.y == b->hi.y && a->hi.z == b->hi.z);
 }

@@ -360,6 +360,140 @@ static void surface_without_area_has_vertices_only(void **state)
 	testing_done(&t);
 }
 
+/* A roof of slope 3/4 over a plane: a right triangle of sides 3, 4, 5 everywhere. */
+static void normals_deviate_by_the_slope(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 10, 0, 0), b = make_sheet(&t, 20, 0, 0);
+	for (uint32_t v = 0; v < b.nv; v++)
+		b.pos[v].z = 0.75 * (0.5 - fabs(b.pos[v].x - 0.5));
+	const double slope = atan2(3, 4) * 180 / acos(-1);
+	wh_compare r = compare(&t, 2, &a, &b, 20000, 0);
+	near(r.b_to_a.normal_mean, slope, 1e-10);
+	near(r.a_to_b.normal_mean, slope, 1e-10);
+	near(r.a_to_b.normal_rms, slope, 1e-10);
+	near(r.both.normal_rms, slope, 1e-10);
+	near(r.normal_rms, slope, 1e-10);
+	assert_int_equal(r.both.normals, 40000);
+	for (size_t f = 0; f < a.nf; f++) { /* turned over */
+		const uint32_t first = a.tri[3 * f];
+		a.tri[3 * f] = a.tri[3 * f + 1];
+		a.tri[3 * f + 1] = first;
+	}
+	r = compare(&t, 2, &a, &b, 20000, 0);
+	near(r.a_to_b.normal_mean, 180 - slope, 1e-10);
+	r = compare(&t, 2, &a, &a, 20000, 0);
+	near(r.both.normal_rms, 0, 1e-10);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* A face that is but a point, close to the sheet, is nearest to all of it, and has no normal. */
+static void degenerate_faces_have_no_normal(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 4, 0, 0), b = make_sheet(&t, 2, 9, 0);
+	b.pos[8] = wh_v3(0.5, 0.5, 0.125); /* the last corner, of the last face alone */
+	memcpy(b.tri + 3 * (size_t)(b.nf - 1), (uint32_t[]){8, 8, 8}, 12);
+	const wh_compare r = compare(&t, 1, &a, &b, 1000, 0);
+	assert_int_equal(r.a_to_b.normals, 0);
+	assert_true(r.a_to_b.normal_rms == 0);
+	assert_int_equal(r.b_to_a.normals, 1000);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* ---- the band along cuts ------------------------------------------------------------------ */
+
+enum { CUTS = 200 };
+
+/* A row of points over the middle of column 10 of a sheet with 20. */
+static void cut_down_the_middle(wh_vec3 cuts[CUTS])
+{
+	for (int i = 0; i < CUTS; i++)
+		cuts[i] = wh_v3(0.525, (i + 0.5) / CUTS, 0.001);
+}
+
+static wh_compare compare_cut(testing_env *t, int workers, const wh_mesh *a, const wh_mesh *b,
+                              uint64_t ncuts)
+{
+	const wh_exec ex = {workers};
+	wh_vec3 cuts[CUTS];
+	const wh_compare_params params = {.samples = 50000, .cuts = cuts, .ncuts = ncuts};
+	wh_compare r;
+	cut_down_the_middle(cuts);
+	assert_int_equal(wh_compare_meshes(&t->ctx, &ex, a, b, &params, &r), WH_OK);
+	return r;
+}
+
+/* The points lie in column 10, so the band is columns 7 to 13. There a is twice as far away. */
+static void the_band_is_three_faces_wide_on_either_side(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 400, 0, 0), b = make_sheet(&t, 20, 0, 0);
+	for (uint32_t v = 0; v < a.nv; v++)
+		a.pos[v].z = fabs(a.pos[v].x - 0.525) < 0.1751 ? 0.002 : 0.001;
+	const wh_compare r = compare_cut(&t, 2, &a, &b, CUTS);
+	assert_int_equal(r.band.faces, 7 * 40);
+	assert_int_equal(r.interior.faces, 13 * 40);
+	near(r.band.area, 7.0 / 20, 1e-12);
+	near(r.interior.area, 13.0 / 20, 1e-12);
+	assert_int_equal(r.band.samples + r.interior.samples, 100000);
+	near(r.band.rms, 0.002, 1e-5);
+	near(r.interior.rms, 0.001, 1e-5);
+	near(wh_compare_rms_ratio(&r), 2, 0.02);
+	near(wh_compare_density_ratio(&r), 1, 1e-12);
+	const wh_compare one = compare_cut(&t, 1, &a, &b, CUTS);
+	const wh_compare three = compare_cut(&t, 3, &a, &b, CUTS);
+	assert_memory_equal(&one, &three, sizeof one);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void a_sheet_finer_along_the_cuts_is_denser_there(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 20, 0, 0), b = make_sheet(&t, 20, 0, 0);
+	for (uint32_t v = 0; v < b.nv; v++) /* columns 7 to 13, of 7/20, become 1/10 wide */
+		if (b.pos[v].x > 0.34 && b.pos[v].x < 0.71)
+			b.pos[v].x = 0.525 + (b.pos[v].x - 0.525) / 3.5;
+	const wh_compare r = compare_cut(&t, 1, &a, &b, CUTS);
+	assert_int_equal(r.band.faces, 7 * 40);
+	near(wh_compare_density_ratio(&r), (7 / 0.1) / (13 / 0.9), 1e-9);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+static void without_cuts_all_is_interior(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 20, 0, 0), b = make_sheet(&t, 20, 0.5, 0);
+	wh_compare r = compare_cut(&t, 1, &a, &b, 0);
+	assert_int_equal(r.band.faces, 0);
+	assert_int_equal(r.interior.faces, 800);
+	near(r.interior.rms, 0.5, 1e-12);
+	assert_true(isnan(wh_compare_rms_ratio(&r)) && isnan(wh_compare_density_ratio(&r)));
+	r = compare(&t, 1, &a, &b, 1000, 0);
+	assert_int_equal(r.interior.faces, 0);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
 static void nothing_to_compare_is_refused(void **state)
 {
 	(void)state;
@@ -387,7 +521,8 @@ static void refused_memory_leaks_nothing(void **state)
 	wh_mesh a = make_sheet(&t, 3, 0, 0);
 	const size_t before = t.mem.used;
 	const wh_exec ex = {1};
-	const wh_compare_params params = {.samples = 10};
+	const wh_vec3 cut = {0.5, 0.5, 0};
+	const wh_compare_params params = {.samples = 10, .cuts = &cut, .ncuts = 1};
 	wh_code code = WH_E_RUN;
 	long fail = 1;
 	for (; code != WH_OK; fail++) {
@@ -419,6 +554,11 @@ int main(void)
 	    cmocka_unit_test(distance_bears_offsets_and_units),
 	    cmocka_unit_test(threads_leave_no_trace),
 	    cmocka_unit_test(surface_without_area_has_vertices_only),
+	    cmocka_unit_test(normals_deviate_by_the_slope),
+	    cmocka_unit_test(degenerate_faces_have_no_normal),
+	    cmocka_unit_test(the_band_is_three_faces_wide_on_either_side),
+	    cmocka_unit_test(a_sheet_finer_along_the_cuts_is_denser_there),
+	    cmocka_unit_test(without_cuts_all_is_interior),
 	    cmocka_unit_test(nothing_to_compare_is_refused),
 	    cmocka_unit_test(refused_memory_leaks_nothing),
 	};

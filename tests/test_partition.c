@@ -119,6 +119,7 @@ typedef struct fixture {
 	wh_input input;
 	wh_store store;
 	wh_ingest_result result;
+	wh_cut_list cuts;
 } fixture;
 
 static void write_shape(fixture *f, const shape *s)
@@ -148,10 +149,12 @@ static void open_fixture(fixture *f, const shape *s)
 	assert_int_equal(wh_spill_open(&f->t.ctx, &f->spill, "/tmp", NULL), WH_OK);
 	assert_int_equal(wh_input_open(&f->t.ctx, &ex, &f->spill, f->file.path, false, &f->input),
 	                 WH_OK);
+	f->cuts.fd = wh_spill_scratch(&f->t.ctx, &f->spill);
 }
 
 static void drop(fixture *f)
 {
+	wh_spill_close_scratch(&f->spill, f->cuts.fd);
 	wh_input_close(&f->t.ctx, &f->spill, &f->input);
 	wh_spill_close(&f->t.ctx, &f->spill);
 	(void)unlink(f->file.path);
@@ -169,9 +172,14 @@ static void ingest(fixture *f, int workers, uint64_t window, size_t visits, uint
 {
 	const wh_exec ex = {workers};
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
-	const wh_ingest_params p = {
-	    .clusters = CLUSTERS, .buffer = 3000, .window = window, .visits = visits};
+	const wh_ingest_params p = {.clusters = CLUSTERS,
+	                            .buffer = 3000,
+	                            .window = window,
+	                            .visits = visits,
+	                            .cuts = &f->cuts};
 	f->store = (wh_store){.spill = &f->spill, .generation = generation};
+	wh_spill_close_scratch(&f->spill, f->cuts.fd);
+	f->cuts.fd = wh_spill_scratch(&f->t.ctx, &f->spill);
 	const uint64_t held = f->spill.held;
 	const size_t used = f->t.mem.used;
 	f->t.mem.limit = used + wh_ingest_bytes(&f->input.source, &ex, &p);
@@ -179,7 +187,8 @@ static void ingest(fixture *f, int workers, uint64_t window, size_t visits, uint
 	no_failure(f);
 	f->t.mem.limit = 0;
 	assert_int_equal(f->t.mem.used, used);
-	uint64_t files = 0, nf, nv;
+	assert_int_equal(f->cuts.n, f->result.cut_vertices);
+	uint64_t files = 24 * f->cuts.n, nf, nv;
 	for (uint32_t k = 0; k < CLUSTERS; k++) {
 		assert_int_equal(wh_store_counts(&f->t.ctx, &f->store, k, &nf, &nv), WH_OK);
 		files += 64 + nf * wh_store_face_bytes(&f->store) +
@@ -235,6 +244,23 @@ static uint64_t shape_hash(const shape *s, uint64_t *faces)
 	return sum;
 }
 
+/* The list has the places of the cut vertices, in file order. */
+static void cuts_are_listed(fixture *f, const shape *s, const uint8_t *cut)
+{
+	uint64_t n = 0;
+	for (uint64_t v = 0; v < s->nv; v++) {
+		double p[3];
+		if (!cut[v])
+			continue;
+		assert_int_equal(
+		    wh_spill_pread(&f->t.ctx, &f->spill, f->cuts.fd, p, sizeof p, n++ * sizeof p),
+		    WH_OK);
+		for (size_t k = 0; k < 3; k++)
+			assert_true((float)p[k] == s->xyz[3 * v + k]);
+	}
+	assert_int_equal(n, f->cuts.n);
+}
+
 /* Every face of the shape is in one cluster; the cut vertices are those in several, and have their
  * places. When not `exact`, vertices that only one cluster uses, but not their home, may be cut
  * too. No cluster has more faces than `most` times its share. */
@@ -266,6 +292,8 @@ static void is_the_shape(fixture *f, const shape *s, double most, bool exact)
 	for (uint64_t v = 0; v < s->nv; v++)
 		if (users[v] > 1 || exact)
 			assert_int_equal(cut[v], users[v] > 1 ? users[v] : 0);
+	if (!exact)
+		cuts_are_listed(f, s, cut);
 	free(users);
 	free(cut);
 	wh_store_scratch_free(c, &scratch);

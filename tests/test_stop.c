@@ -350,6 +350,33 @@ static void failed_allocations_leave_nothing(void **state)
 	}
 }
 
+/* Seams appear with the result or not at all. */
+static void failed_allocations_leave_no_seams(void **state)
+{
+	(void)state;
+	fixture f;
+	char seams[sizeof f.out_dir + 16];
+	make_small(&f, false);
+	(void)snprintf(seams, sizeof seams, "%s/seams.ply", f.out_dir);
+	f.params.seams = seams;
+	const bytes input = read_file(f.in);
+	const size_t held = f.t.mem.used;
+	int failures = 0;
+	for (long after = 1;; after += 1 + after / 5, failures++) {
+		f.t.mem.fail_after = after;
+		if (reduce(&f) == WH_OK)
+			break;
+		assert_true(after < 1000000);
+		ended_cleanly(&f, &input, held);
+	}
+	f.t.mem.fail_after = 0;
+	assert_true(failures > 20);
+	assert_int_equal(entries(f.out_dir), 2);
+	assert_int_equal(entries(f.temp), 0);
+	free(input.at);
+	drop(&f);
+}
+
 /* ---- broken disks ---- */
 
 /* Where in the sequence of a kind of calls each phase begins. */
@@ -474,6 +501,20 @@ static void a_disk_that_fills_up_is_named_with_a_remedy(void **state)
 	small_fails(true, FTRUNCATE, ENOSPC, &text);
 	small_fails(true, PWRITE, EFBIG, &text);
 	small_fails(false, WRITE, ENOSPC, &output);
+}
+
+static void a_disk_too_full_for_the_list_of_seams_is_named(void **state)
+{
+	(void)state;
+	const expected e = {WH_E_RUN, {"no space left", "--temp-dir", "bytes"}, {NULL}};
+	fixture f;
+	char seams[sizeof f.out_dir + 16];
+	make_small(&f, false);
+	(void)snprintf(seams, sizeof seams, "%s/seams.ply", f.out_dir);
+	f.params.seams = seams;
+	for (long n = 1; n < 4; n++)
+		fail_at(&f, PWRITE, ENOSPC, n, &e);
+	drop(&f);
 }
 
 /* Write buffers hold all faces of a small cluster. */
@@ -688,9 +729,11 @@ int main(void)
 	    cmocka_unit_test(every_phase_can_be_stopped),
 	    cmocka_unit_test(several_workers_stop),
 	    cmocka_unit_test(failed_allocations_leave_nothing),
+	    cmocka_unit_test(failed_allocations_leave_no_seams),
 	    cmocka_unit_test(reads_that_fail_are_named_with_their_byte),
 	    cmocka_unit_test(files_cut_short_during_the_run_are_named),
 	    cmocka_unit_test(a_disk_that_fills_up_is_named_with_a_remedy),
+	    cmocka_unit_test(a_disk_too_full_for_the_list_of_seams_is_named),
 	    cmocka_unit_test(a_disk_that_fills_up_with_faces_is_named),
 	    cmocka_unit_test(other_failures_are_named),
 	    cmocka_unit_test(flushes_that_fail_are_failures),

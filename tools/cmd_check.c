@@ -28,7 +28,8 @@ static void print_help(void)
 	    "                          [--temp-dir DIR] [--no-progress]\n\n"
 	    "Counts everything that can be right or wrong with a triangle mesh. It is clean\n"
 	    "when it is an oriented manifold, with or without boundary, without degenerate\n"
-	    "or duplicate faces.\n\n"
+	    "or duplicate faces. The radius ratio of a face is 2 r / R, of the inscribed and the\n"
+	    "circumscribed circle: 1 when equilateral, 0 without area.\n\n"
 	    "  --json          print JSON instead of a table\n"
 	    "  --strict        exit with status 3 when the mesh is not clean\n"
 	    "  --memory SIZE   ceiling of the process: 512M, 4G, K = 1024 (default: half of\n"
@@ -156,6 +157,8 @@ static void print_table(const wh_check *r, bool is_double)
 	else
 		(void)printf("%-28s %12s\n", "genus", "undefined");
 	(void)printf("%-28s %12.9g\n", "area", r->area);
+	(void)printf("%-28s %12.4f\n", "radius ratio, mean", r->radius_ratio_mean);
+	(void)printf("%-28s %12.3f\n", "  5 % of the faces below", r->radius_ratio_p5);
 	print_corner("box from", r->lo, is_double);
 	print_corner("box to", r->hi, is_double);
 	(void)printf("%-28s %12s\n", "clean", wh_check_clean(r) ? "yes" : "no");
@@ -177,6 +180,8 @@ static wh_code print_json(wh_ctx *c, const char *path, const wh_check *r)
 	bad |= json_object_set_new(j, "euler", json_integer(r->euler));
 	bad |= json_object_set_new(j, "genus", r->genus < 0 ? json_null() : json_integer(r->genus));
 	bad |= json_object_set_new(j, "area", json_real(r->area));
+	bad |= json_object_set_new(j, "radius_ratio_mean", json_real(r->radius_ratio_mean));
+	bad |= json_object_set_new(j, "radius_ratio_p5", json_real(r->radius_ratio_p5));
 	bad |= json_object_set_new(j, "min", json_point(r->lo));
 	bad |= json_object_set_new(j, "max", json_point(r->hi));
 	bad |= json_object_set_new(j, "clean", json_boolean(wh_check_clean(r)));

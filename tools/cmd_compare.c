@@ -1,8 +1,10 @@
 /* whittle compare: the two-sided distance of two meshes as a table or as JSON. */
 #include "cmd.h"
+#include "compare_seams.h"
 
 #include "algo/compare.h"
 #include "pipeline/normalise.h"
+#include "pipeline/points.h"
 
 #include <getopt.h>
 #include <inttypes.h>
@@ -12,22 +14,36 @@
 
 typedef struct options {
 	const char *path[2];
+	const char *seams, *reference;
 	bool json;
 	int64_t samples, seed, threads;
 } options;
 
+typedef struct results {
+	wh_compare b;
+	wh_compare reference; /* where there is one */
+} results;
+
 static void print_help(void)
 {
 	(void)printf(
-	    "usage: whittle compare A B [--json] [--samples N] [--seed N] [--threads N]\n\n"
+	    "usage: whittle compare A B [--json] [--samples N] [--seed N] [--threads N]\n"
+	    "                            [--seams FILE [--reference C]]\n\n"
 	    "Measures how far A and B are from each other: from points of A to the nearest point\n"
 	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
 	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
-	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'.\n\n"
+	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'. Normals:\n"
+	    "the angle between a point's face and the nearest face of the other mesh.\n\n"
 	    "  --json       print JSON instead of a table\n"
 	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
 	    "  --seed N     other points (default 0)\n"
-	    "  --threads N  0, the default: all; the figures do not depend on it\n");
+	    "  --threads N  0, the default: all; the figures do not depend on it\n\n"
+	    "Do the cuts between clusters show in B, a reduced A? Its faces within three of\n"
+	    "those nearest to the points of FILE are a band, beside the rest, the interior:\n\n"
+	    "  --seams FILE   points along the cuts, as reduce --seams FILE writes them\n"
+	    "  --reference C  A reduced to as many faces with --cluster-faces 0 --micro-faces 0.\n"
+	    "                 Only a ratio of B over that of C tells of the cuts: error and faces\n"
+	    "                 an area differ from place to place without them, too\n");
 }
 
 /* WH_OK, or the exit status for a value that is no count. */
@@ -50,6 +66,12 @@ static int parse_option(const char *name, int opt, options *o)
 		if (o->samples < 1)
 			return cmd_usage_error(name, "--samples must be 1 at least");
 		return WH_OK;
+	case 's':
+		o->seams = optarg;
+		return WH_OK;
+	case 'c':
+		o->reference = optarg;
+		return WH_OK;
 	case 'r':
 		return parse_number(name, "seed", optarg, &o->seed);
 	case 't':
@@ -67,9 +89,10 @@ static int parse_option(const char *name, int opt, options *o)
 static int parse(int argc, char **argv, options *o, bool *done)
 {
 	static const struct option longs[] = {
-	    {"json", no_argument, NULL, 'j'},       {"samples", required_argument, NULL, 'n'},
-	    {"seed", required_argument, NULL, 'r'}, {"threads", required_argument, NULL, 't'},
-	    {"help", no_argument, NULL, 'h'},       {NULL, 0, NULL, 0}};
+	    {"json", no_argument, NULL, 'j'},        {"samples", required_argument, NULL, 'n'},
+	    {"seed", required_argument, NULL, 'r'},  {"threads", required_argument, NULL, 't'},
+	    {"seams", required_argument, NULL, 's'}, {"reference", required_argument, NULL, 'c'},
+	    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		if (opt == 'h') {
@@ -82,6 +105,8 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	}
 	if (argc - optind != 2)
 		return cmd_usage_error(argv[0], "two files are needed, %d given", argc - optind);
+	if (o->reference && !o->seams)
+		return cmd_usage_error(argv[0], "--reference needs --seams");
 	o->path[0] = argv[optind];
 	o->path[1] = argv[optind + 1];
 	return WH_OK;
@@ -97,18 +122,33 @@ static wh_code load(cmd_env *e, const char *path, wh_mesh *m)
 	return code;
 }
 
-static wh_code compare_files(cmd_env *e, const options *o, wh_compare *r)
+/* Measures a against the mesh of a file. */
+static wh_code compare_with(cmd_env *e, const wh_mesh *a, const char *path,
+                            const wh_compare_params *p, wh_compare *r)
 {
-	const wh_compare_params params = {.samples = (uint64_t)o->samples,
-	                                  .seed = (uint64_t)o->seed};
-	wh_mesh m[2] = {{0}, {0}};
-	wh_code code = load(e, o->path[0], m);
+	wh_mesh b = {0};
+	wh_code code = load(e, path, &b);
 	if (code == WH_OK)
-		code = load(e, o->path[1], m + 1);
+		code = wh_compare_meshes(&e->ctx, &e->exec, a, &b, p, r);
+	wh_mesh_free(&e->ctx, &b);
+	return code;
+}
+
+static wh_code compare_files(cmd_env *e, const options *o, results *r)
+{
+	wh_vec3 *cuts = NULL;
+	wh_compare_params p = {.samples = (uint64_t)o->samples, .seed = (uint64_t)o->seed};
+	wh_mesh a = {0};
+	wh_code code = o->seams ? wh_load_points(&e->ctx, o->seams, &cuts, &p.ncuts) : WH_OK;
+	p.cuts = cuts;
 	if (code == WH_OK)
-		code = wh_compare_meshes(&e->ctx, &e->exec, m, m + 1, &params, r);
-	wh_mesh_free(&e->ctx, m + 1);
-	wh_mesh_free(&e->ctx, m);
+		code = load(e, o->path[0], &a);
+	if (code == WH_OK)
+		code = compare_with(e, &a, o->path[1], &p, &r->b);
+	if (code == WH_OK && o->reference)
+		code = compare_with(e, &a, o->reference, &p, &r->reference);
+	wh_mesh_free(&e->ctx, &a);
+	wh_free(&e->ctx, cuts);
 	return code;
 }
 
@@ -162,6 +202,15 @@ static void print_block(const wh_compare *r, const char *title, double factor, c
 	}
 }
 
+static void print_normals(const wh_compare *r)
+{
+	const double mean[] = {r->a_to_b.normal_mean, r->b_to_a.normal_mean, r->both.normal_mean};
+	const double rms[] = {r->a_to_b.normal_rms, r->b_to_a.normal_rms, r->both.normal_rms};
+	(void)printf("degrees between normals\n");
+	print_row("  mean", mean, "%14.4f");
+	print_row("  RMS", rms, "%14.4f");
+}
+
 static void print_table(const wh_compare *r)
 {
 	const double percent = millionths(1, r->diagonal) / 1e4;
@@ -169,6 +218,7 @@ static void print_table(const wh_compare *r)
 	print_block(r, "distance", 1, "%14.6g");
 	print_block(r, "% of the diagonal", percent, "%14.6f");
 	print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
+	print_normals(r);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "samples", r->a_to_b.samples,
 	             r->b_to_a.samples, r->both.samples);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
@@ -188,14 +238,29 @@ static json_t *json_figures(const wh_distance *d, double factor)
 	return j;
 }
 
+static json_t *json_normals(const wh_distance *d)
+{
+	json_t *j = json_object();
+	(void)json_object_set_new(j, "mean", json_real(d->normal_mean));
+	(void)json_object_set_new(j, "rms", json_real(d->normal_rms));
+	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->normals));
+	return j;
+}
+
 static json_t *json_side(const wh_distance *d, double diagonal)
 {
 	json_t *j = json_figures(d, 1);
 	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->samples));
 	(void)json_object_set_new(j, "vertices", json_integer((json_int_t)d->vertices));
+	(void)json_object_set_new(j, "normal", json_normals(d));
 	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
 	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
 	return j;
+}
+
+static json_t *json_seams(const options *o, const results *r)
+{
+	return compare_seams_json(&r->b, o->reference ? &r->reference : NULL);
 }
 
 static json_t *json_path(const char *path)
@@ -204,17 +269,21 @@ static json_t *json_path(const char *path)
 	return name ? name : json_null();
 }
 
-static wh_code print_json(wh_ctx *c, const options *o, const wh_compare *r)
+static wh_code print_json(wh_ctx *c, const options *o, const results *all)
 {
+	const wh_compare *r = &all->b;
 	json_t *j = json_object();
 	int bad = json_object_set_new(j, "a", json_path(o->path[0]));
 	bad |= json_object_set_new(j, "b", json_path(o->path[1]));
 	bad |= json_object_set_new(j, "diagonal", json_real(r->diagonal));
 	bad |= json_object_set_new(j, "rms", json_real(r->rms));
 	bad |= json_object_set_new(j, "rms_millionths", json_real(millionths(r->rms, r->diagonal)));
+	bad |= json_object_set_new(j, "normal_rms", json_real(r->normal_rms));
 	bad |= json_object_set_new(j, "a_to_b", json_side(&r->a_to_b, r->diagonal));
 	bad |= json_object_set_new(j, "b_to_a", json_side(&r->b_to_a, r->diagonal));
 	bad |= json_object_set_new(j, "both", json_side(&r->both, r->diagonal));
+	if (o->seams)
+		bad |= json_object_set_new(j, "seams", json_seams(o, all));
 	if (!bad)
 		bad = json_dumpf(j, stdout, JSON_INDENT(2));
 	json_decref(j);
@@ -230,14 +299,15 @@ int cmd_compare(int argc, char **argv)
 	if (usage != WH_OK || done)
 		return usage;
 	cmd_env e;
-	wh_compare r;
+	results r;
 	cmd_env_init(&e, argv[0]);
 	e.exec.workers = wh_exec_threads((int)o.threads);
 	if (compare_files(&e, &o, &r) != WH_OK)
 		return cmd_report_failure(&e);
-	if (!o.json)
-		print_table(&r);
-	else if (print_json(&e.ctx, &o, &r) != WH_OK)
-		return cmd_report_failure(&e);
+	if (o.json)
+		return print_json(&e.ctx, &o, &r) == WH_OK ? WH_OK : cmd_report_failure(&e);
+	print_table(&r.b);
+	if (o.seams)
+		compare_seams_print(&r.b, o.reference ? &r.reference : NULL);
 	return WH_OK;
 }

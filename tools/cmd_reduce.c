@@ -27,7 +27,8 @@ static const char help[] =
     "      --temp-dir DIR    default: $SLURM_TMPDIR, $TMPDIR, beside the output\n"
     "      --ascii           text instead of binary\n"
     "      --report FILE     what was done, as JSON\n"
-    "  -f, --force           write over an existing output and report\n"
+    "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
+    "  -f, --force           write over existing outputs\n"
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
@@ -61,6 +62,19 @@ static int check_report_name(const reduce_options *o)
 	if (!o->params.force && stat(o->report, &st) == 0 && S_ISREG(st.st_mode))
 		return cmd_usage_error("reduce", "--report '%s' exists already; -f replaces it",
 		                       o->report);
+	return WH_OK;
+}
+
+/* Three outputs under one name would be one. */
+static int check_seams_name(const reduce_options *o)
+{
+	const char *seams = o->params.seams;
+	if (!seams)
+		return WH_OK;
+	if (same_file(seams, o->params.output) || same_file(seams, o->params.input) ||
+	    (o->report && same_file(seams, o->report)))
+		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
+		                       seams);
 	return WH_OK;
 }
 
@@ -116,6 +130,11 @@ static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 		(void)fprintf(f, "  %-9s %8.2f s\n", wh_phase_name((wh_phase)i), r->seconds[i]);
 }
 
+static bool prints_output(const reduce_options *o)
+{
+	return is_dash(o->params.output) || is_dash(o->report) || is_dash(o->params.seams);
+}
+
 int cmd_reduce(int argc, char **argv)
 {
 	reduce_options o = {.params = wh_reduce_defaults()};
@@ -126,9 +145,8 @@ int cmd_reduce(int argc, char **argv)
 		(void)fputs(help, stdout);
 		return WH_OK;
 	}
-	const int report_status = check_report_name(&o);
-	if (report_status != WH_OK)
-		return report_status;
+	if (check_report_name(&o) != WH_OK || check_seams_name(&o) != WH_OK)
+		return WH_E_USAGE;
 	cmd_env env;
 	cmd_env_init(&env, "reduce");
 	if (o.report && reduce_report_try(&env, o.report, o.params.force) != 0)
@@ -143,8 +161,7 @@ int cmd_reduce(int argc, char **argv)
 	if (code != WH_OK && code != WH_E_TARGET)
 		return cmd_report_failure(&env);
 	if (!o.quiet)
-		print_summary(is_dash(o.params.output) || is_dash(o.report) ? stderr : stdout, &o,
-		              &report);
+		print_summary(prints_output(&o) ? stderr : stdout, &o, &report);
 	if (o.report && reduce_report_write(&env, o.report, &o.params, &report) != 0)
 		return WH_E_RUN;
 	return code == WH_OK ? WH_OK : cmd_report_failure(&env);

@@ -16,6 +16,7 @@ enum {
 	OPT_TEMP,
 	OPT_ASCII,
 	OPT_REPORT,
+	OPT_SEAMS,
 	OPT_CLUSTER,
 	OPT_MICRO,
 	OPT_FINAL,
@@ -35,6 +36,7 @@ static const struct option long_options[] = {
     {"temp-dir", required_argument, NULL, OPT_TEMP},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
+    {"seams", required_argument, NULL, OPT_SEAMS},
     {"cluster-faces", required_argument, NULL, OPT_CLUSTER},
     {"micro-faces", required_argument, NULL, OPT_MICRO},
     {"final-faces", required_argument, NULL, OPT_FINAL},
@@ -134,6 +136,9 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_REPORT:
 		o->report = arg;
+		break;
+	case OPT_SEAMS:
+		p->seams = arg;
 		break;
 	case OPT_CLUSTER:
 		ok = parse_size(arg, false, &p->cluster_faces) &&

@@ -16,6 +16,7 @@
  */
 #include "algo/compare.h"
 
+#include "algo/compare_band.h"
 #include "base/rng.h"
 #include "mesh/bvh.h"
 
@@ -28,14 +29,22 @@ enum {
 	NBINS = OCTAVES << BIN_BITS
 };
 
+#define DEGREES (180 / 3.14159265358979323846) /* of a radian */
+
 typedef struct surface {
 	wh_bvh tree;
-	double *area; /* nf + 1: of all faces before this one */
+	double *area;  /* nf + 1: of all faces before this one */
+	uint8_t *band; /* nf: 1 in the band along the cuts; NULL: no band is asked for, or of the
+	                * other surface */
 } surface;
 
 /* What the points of a chunk add up to, in the common frame. */
 typedef struct sums {
 	double d, d2, max2;
+	double angle, angle2; /* between normals, radians */
+	uint64_t angles;      /* samples that have one */
+	double zone_d2[2];    /* interior, band */
+	uint64_t zone_samples[2];
 } sums;
 
 /* ---- preparing
@@ -76,13 +85,19 @@ static wh_code bound(wh_ctx *c, const wh_mesh *m, const char *which, box *b)
 	return WH_OK;
 }
 
+/* Normal of a face, twice as long as its area. */
+static wh_vec3 face_normal(const wh_mesh *m, uint32_t f)
+{
+	const uint32_t *t = m->tri + 3 * (size_t)f;
+	const wh_vec3 a = m->pos[t[0]];
+	return wh_cross(wh_sub(m->pos[t[1]], a), wh_sub(m->pos[t[2]], a));
+}
+
 /* Area of a face, in the common frame; the scaling of the frame keeps it from over- or underflow.
  */
 static double face_area(const wh_mesh *m, uint32_t f)
 {
-	const uint32_t *t = m->tri + 3 * (size_t)f;
-	const wh_vec3 a = m->pos[t[0]];
-	return 0.5 * wh_norm(wh_cross(wh_sub(m->pos[t[1]], a), wh_sub(m->pos[t[2]], a)));
+	return 0.5 * wh_norm(face_normal(m, f));
 }
 
 static wh_code prepare(wh_ctx *c, const wh_exec *ex, const wh_mesh *m, const wh_frame *f,
@@ -101,6 +116,7 @@ static wh_code prepare(wh_ctx *c, const wh_exec *ex, const wh_mesh *m, const wh_
 
 static void release(wh_ctx *c, surface *s)
 {
+	wh_free(c, s->band);
 	wh_free(c, s->area);
 	wh_bvh_free(c, &s->tree);
 }
@@ -183,6 +199,26 @@ static double bin_end(uint32_t bin)
 	return d;
 }
 
+/* The angle between the normals of two faces; none when one is degenerate. */
+static void measure_normals(const wh_mesh *a, uint32_t f, const wh_mesh *b, uint32_t g, sums *sum)
+{
+	const wh_vec3 m = face_normal(a, f), n = face_normal(b, g);
+	const double mm = wh_norm(m), nn = wh_norm(n);
+	if (!(mm > 0) || !(nn > 0))
+		return;
+	const wh_vec3 u = wh_scale(m, 1 / mm), v = wh_scale(n, 1 / nn);
+	const double angle = atan2(wh_norm(wh_cross(u, v)), wh_dot(u, v));
+	sum->angle += angle;
+	sum->angle2 += angle * angle;
+	sum->angles++;
+}
+
+static void add_to_zone(sums *sum, uint8_t zone, double d2)
+{
+	sum->zone_d2[zone] += d2;
+	sum->zone_samples[zone]++;
+}
+
 static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *sum, uint64_t *bins)
 {
 	const double total = s->from->area[s->from->tree.mesh.nf];
@@ -196,6 +232,11 @@ static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *s
 		sum->d2 += d2;
 		sum->max2 = fmax(sum->max2, d2);
 		bins[bin_of(d)]++;
+		measure_normals(&s->from->tree.mesh, face, &s->to->tree.mesh, hint, sum);
+		if (s->from->band)
+			add_to_zone(sum, s->from->band[face], d2);
+		if (s->to->band)
+			add_to_zone(sum, s->to->band[hint], d2);
 	}
 }
 
@@ -236,15 +277,26 @@ static uint64_t chunks_of(uint64_t n)
 	return (n + CHUNK - 1) / CHUNK;
 }
 
+static void add_sums(sums *total, const sums *part)
+{
+	total->d += part->d;
+	total->d2 += part->d2;
+	total->max2 = fmax(total->max2, part->max2);
+	total->angle += part->angle;
+	total->angle2 += part->angle2;
+	total->angles += part->angles;
+	for (int zone = 0; zone < 2; zone++) {
+		total->zone_d2[zone] += part->zone_d2[zone];
+		total->zone_samples[zone] += part->zone_samples[zone];
+	}
+}
+
 /* The sums of all chunks, and all workers' bins in those of worker 0. */
 static sums total_of(const side *s, int workers)
 {
 	sums total = {0};
-	for (uint64_t i = 0; i < s->chunks; i++) {
-		total.d += s->sums[i].d;
-		total.d2 += s->sums[i].d2;
-		total.max2 = fmax(total.max2, s->sums[i].max2);
-	}
+	for (uint64_t i = 0; i < s->chunks; i++)
+		add_sums(&total, s->sums + i);
 	for (size_t w = 1; w < (size_t)workers; w++)
 		for (size_t b = 0; b < NBINS; b++)
 			s->bins[b] += s->bins[w * NBINS + b];
@@ -298,15 +350,50 @@ static wh_distance describe(const sums *s, const uint64_t *bins, uint64_t sample
 	d.p50 = fmin(percentile(bins, samples, 0.50) * unit, d.max);
 	d.p90 = fmin(percentile(bins, samples, 0.90) * unit, d.max);
 	d.p99 = fmin(percentile(bins, samples, 0.99) * unit, d.max);
+	d.normals = s->angles;
+	if (s->angles > 0) {
+		d.normal_mean = s->angle / (double)s->angles * DEGREES;
+		d.normal_rms = sqrt(s->angle2 / (double)s->angles) * DEGREES;
+	}
 	return d;
 }
 
 static wh_distance describe_both(const sums total[2], const uint64_t *bins, const wh_distance *a,
                                  const wh_distance *b, double unit)
 {
-	const sums all = {total[0].d + total[1].d, total[0].d2 + total[1].d2,
-	                  fmax(total[0].max2, total[1].max2)};
+	sums all = total[0];
+	add_sums(&all, total + 1);
 	return describe(&all, bins, a->samples + b->samples, a->vertices + b->vertices, unit);
+}
+
+static void describe_zones(const surface *b, const sums total[2], double unit, wh_compare *r)
+{
+	wh_compare_zone *const zone[2] = {&r->interior, &r->band};
+	if (!b->band)
+		return;
+	for (uint32_t f = 0; f < b->tree.mesh.nf; f++) {
+		zone[b->band[f]]->faces++;
+		zone[b->band[f]]->area += face_area(&b->tree.mesh, f) * unit * unit;
+	}
+	for (int z = 0; z < 2; z++) {
+		const double d2 = total[0].zone_d2[z] + total[1].zone_d2[z];
+		zone[z]->samples = total[0].zone_samples[z] + total[1].zone_samples[z];
+		if (zone[z]->samples > 0)
+			zone[z]->rms = sqrt(d2 / (double)zone[z]->samples) * unit;
+	}
+}
+
+double wh_compare_rms_ratio(const wh_compare *r)
+{
+	return r->band.samples > 0 && r->interior.rms > 0 ? r->band.rms / r->interior.rms : NAN;
+}
+
+double wh_compare_density_ratio(const wh_compare *r)
+{
+	if (!(r->band.area > 0) || !(r->interior.area > 0))
+		return NAN;
+	return (double)r->band.faces / r->band.area /
+	       ((double)r->interior.faces / r->interior.area);
 }
 
 /* Samples of one side: none where there is no area to put them. */
@@ -337,6 +424,8 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 		bins[b] += bins[NBINS + b];
 	r->both = describe_both(total, bins, out[0], out[1], unit);
 	r->rms = fmax(r->a_to_b.rms, r->b_to_a.rms);
+	r->normal_rms = fmax(r->a_to_b.normal_rms, r->b_to_a.normal_rms);
+	describe_zones(s + 1, total, unit, r);
 out:
 	wh_free(c, bins);
 	return c->err.code;
@@ -348,6 +437,26 @@ static uint64_t default_samples(const wh_mesh *a, const wh_mesh *b)
 	return faces > 1000000 ? faces : 1000000;
 }
 
+/* The box around both meshes and the cuts. */
+static box all_of(const box *a, const box *b, const wh_compare_params *p)
+{
+	box all = {min_of(a->lo, b->lo), max_of(a->hi, b->hi)};
+	for (uint64_t i = 0; p->cuts && i < p->ncuts; i++)
+		all = (box){min_of(all.lo, p->cuts[i]), max_of(all.hi, p->cuts[i])};
+	return all;
+}
+
+static wh_code mark_band(wh_ctx *c, const wh_exec *ex, const wh_compare_params *p,
+                         const wh_frame *f, surface *b)
+{
+	if (!p->cuts)
+		return WH_OK;
+	b->band = wh_alloc(c, b->tree.mesh.nf, sizeof *b->band);
+	if (!b->band)
+		return c->err.code;
+	return wh_compare_band(c, ex, &b->tree, f, p->cuts, p->ncuts, b->band);
+}
+
 wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const wh_mesh *b,
                           const wh_compare_params *params, wh_compare *r)
 {
@@ -355,13 +464,16 @@ wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const 
 	box ba, bb;
 	if (bound(c, a, "first", &ba) != WH_OK || bound(c, b, "second", &bb) != WH_OK)
 		return c->err.code;
-	const wh_frame f = wh_frame_of_box(min_of(ba.lo, bb.lo), max_of(ba.hi, bb.hi));
+	const box all = all_of(&ba, &bb, params);
+	const wh_frame f = wh_frame_of_box(all.lo, all.hi);
 	r->diagonal = wh_norm(wh_sub(wh_scale(ba.hi, f.scale), wh_scale(ba.lo, f.scale))) / f.scale;
 	const uint64_t samples = params->samples ? params->samples : default_samples(a, b);
 	surface s[2] = {0};
 	wh_code code = prepare(c, ex, a, &f, s);
 	if (code == WH_OK)
 		code = prepare(c, ex, b, &f, s + 1);
+	if (code == WH_OK)
+		code = mark_band(c, ex, params, &f, s + 1);
 	if (code == WH_OK)
 		code = measure_both(c, ex, s, samples, params->seed, 1 / f.scale, r);
 	release(c, s + 1);

@@ -6,6 +6,18 @@
  * equal area, and all of its vertices. Mean, RMS and percentiles are of the area samples, so they
  * do not depend on how a surface is cut into triangles; the maximum is of samples and vertices.
  * Vertices that no face uses play no part.
+ *
+ * The normal deviation of a sample is the angle between the normals of the face it is on and of
+ * the face nearest to it. On an edge or a corner one of the faces there is nearest: which one
+ * depends on the meshes and the samples alone. Opposite orientations differ by 180 degrees.
+ *
+ * Do the cuts between clusters show in b, a reduced a? Given points along the cuts, the faces of b
+ * near them form a band, and the rest of it the interior; a sample of b belongs to the zone of the
+ * face it is on, a sample of a to that of the face nearest to it. Error and faces an area differ
+ * between the zones also where no cut has left a trace: the mesh may be rougher where it was cut,
+ * and large faces are more often nearest to a point than small ones. So the ratios of band and
+ * interior mean something only beside those of a result of as many faces that was never cut, with
+ * the same points: no trace is left when they are equal.
  */
 #ifndef WH_ALGO_COMPARE_H
 #define WH_ALGO_COMPARE_H
@@ -14,8 +26,10 @@
 #include "mesh/mesh.h"
 
 typedef struct wh_compare_params {
-	uint64_t samples; /* a side; 0: 1 million, or the faces of the larger mesh if more */
-	uint64_t seed;    /* sample i is a function of seed and i alone */
+	uint64_t samples;    /* a side; 0: 1 million, or the faces of the larger mesh if more */
+	uint64_t seed;       /* sample i is a function of seed and i alone */
+	const wh_vec3 *cuts; /* points along cuts, finite; NULL: no band is asked for */
+	uint64_t ncuts;
 } wh_compare_params;
 
 /* Distances in the units of the meshes. */
@@ -26,15 +40,30 @@ typedef struct wh_distance {
 	double rms;
 	double max;
 	double p50, p90, p99; /* of the samples this share is no farther; within 1 % */
+	uint64_t normals;     /* samples with a normal at either end: no degenerate face there */
+	double normal_mean;   /* of their normal deviation, degrees */
+	double normal_rms;
 } wh_distance;
+
+enum { WH_BAND_RINGS = 3 }; /* the band is this many faces wide on either side of the cuts */
+
+/* The band along the cuts, or all the rest of b. */
+typedef struct wh_compare_zone {
+	uint64_t faces; /* of b */
+	double area;
+	uint64_t samples; /* of both sides */
+	double rms;       /* of their distances; 0 if there are none */
+} wh_compare_zone;
 
 typedef struct wh_compare {
 	double diagonal;    /* of the box around a: what relative figures are relative to */
 	wh_distance a_to_b; /* points of a, distances from b */
 	wh_distance b_to_a;
-	wh_distance both; /* the samples of both sides as one set */
-	double rms;       /* the larger of the two sides' RMS: what "two-sided RMS" means in
-	                   * comparisons of simplifiers, ours included */
+	wh_distance both;  /* the samples of both sides as one set */
+	double rms;        /* the larger of the two sides' RMS: what "two-sided RMS" means in
+	                    * comparisons of simplifiers, ours included */
+	double normal_rms; /* the larger of the two sides' */
+	wh_compare_zone band, interior; /* all 0 when no band is asked for */
 } wh_compare;
 
 /*
@@ -44,5 +73,9 @@ typedef struct wh_compare {
  */
 wh_code wh_compare_meshes(wh_ctx *c, const wh_exec *ex, const wh_mesh *a, const wh_mesh *b,
                           const wh_compare_params *params, wh_compare *r);
+
+/* Band over interior: RMS, and faces an area. Not a number when either has none. */
+double wh_compare_rms_ratio(const wh_compare *r);
+double wh_compare_density_ratio(const wh_compare *r);
 
 #endif

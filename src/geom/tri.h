@@ -41,4 +41,31 @@ static inline double wh_tri_dist2(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c)
 	return fmin(d_ab, fmin(d_bc, d_ca));
 }
 
+static inline double wh_largest_coordinate(wh_vec3 a)
+{
+	return fmax(fabs(a.x), fmax(fabs(a.y), fabs(a.z)));
+}
+
+/*
+ * Twice the radius of the inscribed circle over that of the circumscribed one: 1 for equilateral
+ * triangles, 0 for those on a line; corners are finite. Only the shape matters: sides are first
+ * scaled to about 1 by a power of two, so that a scaled mesh has the same bits and no size over-
+ * or underflows.
+ */
+static inline double wh_tri_radius_ratio(wh_vec3 a, wh_vec3 b, wh_vec3 c)
+{
+	wh_vec3 ab = wh_sub(b, a), bc = wh_sub(c, b), ca = wh_sub(a, c);
+	const double size = fmax(wh_largest_coordinate(ab), wh_largest_coordinate(bc));
+	if (!(size > 0) || isinf(size))
+		return 0;
+	const double scale = ldexp(1, -(int)fmax(ilogb(size), -1000));
+	ab = wh_scale(ab, scale);
+	bc = wh_scale(bc, scale);
+	ca = wh_scale(ca, scale);
+	/* r = 2 A / (|ab| + |bc| + |ca|), R = |ab| |bc| |ca| / (4 A), and |ab x bc| = 2 A */
+	const double x = wh_norm(ab), y = wh_norm(bc), z = wh_norm(ca);
+	const double product = (x + y + z) * x * y * z;
+	return product > 0 ? fmin(4 * wh_norm2(wh_cross(ab, bc)) / product, 1) : 0;
+}
+
 #endif

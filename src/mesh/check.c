@@ -17,18 +17,18 @@ static void count_vertex_list(const wh_mesh *m, wh_check *r)
 wh_code wh_check_mesh(wh_ctx *c, const wh_mesh *m, wh_check *r)
 {
 	wh_checker k = {.c = c, .nv = m->nv, .nf = m->nf, .pos = m->pos, .tri = m->tri, .r = r};
-	wh_exact_sum area = {0};
+	wh_face_sums sums = {0};
 	*r = (wh_check){.vertices = m->nv};
 	wh_code code = wh_coincident_count(c, m->pos, m->nv, NULL, &r->duplicate_vertices);
 	if (code != WH_OK)
 		return code;
 	wh_check_box_begin(r);
-	code = wh_checker_run(&k, &area);
+	code = wh_checker_run(&k, &sums);
 	wh_checker_free(&k);
 	if (code != WH_OK)
 		return code;
 	wh_check_box_end(r);
-	r->area = wh_exact_value(&area);
+	wh_face_sums_end(&sums, r);
 	count_vertex_list(m, r);
 	wh_check_derive(r);
 	return WH_OK;

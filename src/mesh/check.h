@@ -38,6 +38,12 @@ typedef struct wh_check {
 	int64_t euler;            /* referenced vertices - edges + faces */
 	int64_t genus;            /* handles of all components; -1 unless manifold and oriented */
 
+	double radius_ratio_mean; /* of faces with finite corners: twice the radius of the inscribed
+	                           * circle over the circumscribed one's; 1: equilateral,
+	                           * 0: no area; 0 if there are none */
+	double radius_ratio_p5;   /* one face in 20 has no more; up to 0.001 below the exact
+	                           * percentile */
+
 	double area;    /* of all faces whose corners are finite; their order does not matter */
 	wh_vec3 lo, hi; /* corners of the box around the finite referenced vertices; 0 if none */
 } wh_check;

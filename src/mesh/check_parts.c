@@ -18,6 +18,7 @@
  */
 #include "mesh/check_parts.h"
 
+#include "geom/tri.h"
 #include "mesh/patch.h"
 #include "mesh/sets.h"
 
@@ -58,19 +59,24 @@ static bool is_finite(wh_vec3 p)
 
 /* ---- faces and vertices one by one -------------------------------------------------------- */
 
-static void count_face(const wh_checker *k, const uint32_t *t, wh_exact_sum *area)
+static void count_face(const wh_checker *k, const uint32_t *t, wh_face_sums *sums)
 {
-	const wh_vec3 a = k->pos[t[0]];
-	const wh_vec3 n = wh_cross(wh_sub(k->pos[t[1]], a), wh_sub(k->pos[t[2]], a));
+	const wh_vec3 a = k->pos[t[0]], b = k->pos[t[1]], c = k->pos[t[2]];
+	const wh_vec3 n = wh_cross(wh_sub(b, a), wh_sub(c, a));
 	if (n.x == 0 && n.y == 0 && n.z == 0)
 		k->r->zero_area_faces++;
 	if (is_finite(n))
-		wh_exact_add(area, 0.5 * wh_norm(n));
+		wh_exact_add(&sums->area, 0.5 * wh_norm(n));
+	if (is_finite(a) && is_finite(b) && is_finite(c)) {
+		const double ratio = wh_tri_radius_ratio(a, b, c);
+		wh_exact_add(&sums->ratio, ratio);
+		sums->bins[(int)(ratio * WH_RATIO_BINS)]++;
+	}
 	for (int i = 0; i < 3; i++)
 		wh_bit_set(k->used, t[i]);
 }
 
-static wh_code count_faces(wh_checker *k, wh_exact_sum *area)
+static wh_code count_faces(wh_checker *k, wh_face_sums *sums)
 {
 	k->used = wh_calloc(k->c, (size_t)k->nv / 64 + 1, sizeof *k->used);
 	if (!k->used)
@@ -83,9 +89,39 @@ static wh_code count_faces(wh_checker *k, wh_exact_sum *area)
 		else if (is_degenerate(t))
 			k->r->degenerate_faces++;
 		else
-			count_face(k, t, area);
+			count_face(k, t, sums);
 	}
 	return WH_OK;
+}
+
+void wh_face_sums_join(wh_face_sums *sum, const wh_face_sums *part)
+{
+	wh_exact_join(&sum->area, &part->area);
+	wh_exact_join(&sum->ratio, &part->ratio);
+	for (int i = 0; i <= WH_RATIO_BINS; i++)
+		sum->bins[i] += part->bins[i];
+}
+
+/* The lower end of the bin in which one face in 20 has been seen. */
+static double fifth_percentile(const uint64_t *bins, uint64_t faces)
+{
+	uint64_t seen = 0;
+	for (int i = 0; i <= WH_RATIO_BINS; i++) {
+		seen += bins[i];
+		if (seen > 0 && 20 * seen >= faces)
+			return (double)i / WH_RATIO_BINS;
+	}
+	return 0;
+}
+
+void wh_face_sums_end(const wh_face_sums *sum, wh_check *r)
+{
+	uint64_t faces = 0;
+	for (int i = 0; i <= WH_RATIO_BINS; i++)
+		faces += sum->bins[i];
+	r->area = wh_exact_value(&sum->area);
+	r->radius_ratio_mean = faces ? wh_exact_value(&sum->ratio) / (double)faces : 0;
+	r->radius_ratio_p5 = fifth_percentile(sum->bins, faces);
 }
 
 void wh_check_box_begin(wh_check *r)
@@ -443,9 +479,9 @@ static wh_code count_components(wh_checker *k)
 
 /* ---- the whole ---------------------------------------------------------------------------- */
 
-wh_code wh_checker_run(wh_checker *k, wh_exact_sum *area)
+wh_code wh_checker_run(wh_checker *k, wh_face_sums *sums)
 {
-	if (count_faces(k, area) != WH_OK)
+	if (count_faces(k, sums) != WH_OK)
 		return k->c->err.code;
 	count_vertices(k);
 	if (wh_checker_stars(k) != WH_OK || wh_checker_edges(k) != WH_OK ||

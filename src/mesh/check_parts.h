@@ -25,6 +25,15 @@ typedef struct wh_spoke {
 	uint32_t out;  /* 1: the face goes from the centre to the far end; 0: the other way */
 } wh_spoke;
 
+/* Sums over faces; the faces' order leaves no trace. Zero-initialise. */
+enum { WH_RATIO_BINS = 1024 };
+
+typedef struct wh_face_sums {
+	wh_exact_sum area;
+	wh_exact_sum ratio;               /* radius ratios */
+	uint64_t bins[WH_RATIO_BINS + 1]; /* faces by radius ratio; the last one: of exactly 1 */
+} wh_face_sums;
+
 typedef struct wh_checker {
 	wh_ctx *c;
 	uint32_t nv, nf;
@@ -69,8 +78,8 @@ bool wh_checker_is_face(const wh_checker *k, uint32_t f);
 
 /* All of the stages below and those before them, for a mesh or a piece: counts everything but
  * what is derived, makes vertex_sets and frees the stars. The box, which the caller begins, grows
- * over all vertices that are used; areas are added to *area. */
-wh_code wh_checker_run(wh_checker *k, wh_exact_sum *area);
+ * over all vertices that are used; areas and shapes are added to *sums. */
+wh_code wh_checker_run(wh_checker *k, wh_face_sums *sums);
 
 /* For the seam, whose face_sets are given, in this order. Lists the stars. */
 wh_code wh_checker_stars(wh_checker *k);
@@ -83,6 +92,10 @@ uint32_t wh_checker_boundary_number(const wh_checker *k, uint64_t half_edge);
 wh_code wh_checker_loops(wh_checker *k);
 
 void wh_checker_free(wh_checker *k);
+
+void wh_face_sums_join(wh_face_sums *sum, const wh_face_sums *part);
+/* Sets the area and the radius ratios of *r. */
+void wh_face_sums_end(const wh_face_sums *sum, wh_check *r);
 
 /* Euler characteristic and genus, when all else has been counted. */
 void wh_check_derive(wh_check *r);

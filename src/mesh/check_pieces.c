@@ -43,14 +43,14 @@ typedef struct seam {
 
 struct wh_check_work {
 	wh_check found; /* what is whole in the piece */
-	wh_exact_sum area;
+	wh_face_sums sums;
 	seam seam;
 	uint64_t components, edge_components; /* of found, those that reach into the seam */
 };
 
 struct wh_check_pieces {
 	wh_check found; /* sums */
-	wh_exact_sum area;
+	wh_face_sums sums;
 	seam seam;
 	uint64_t components, edge_components; /* sums of what the pieces have in the seam */
 	uint32_t *slot; /* hash table: cut vertices of the seam by gid; WH_NONE: empty */
@@ -247,7 +247,7 @@ static wh_code take_seam(wh_ctx *c, wh_check_work *w, const wh_checker *k, const
 wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece)
 {
 	w->found = (wh_check){0};
-	w->area = (wh_exact_sum){0};
+	w->sums = (wh_face_sums){0};
 	wh_check_box_begin(&w->found);
 	wh_checker k = {.c = c,
 	                .nv = piece->nv,
@@ -256,7 +256,7 @@ wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece)
 	                .tri = piece->tri,
 	                .flag = piece->flag,
 	                .r = &w->found};
-	wh_code code = wh_checker_run(&k, &w->area);
+	wh_code code = wh_checker_run(&k, &w->sums);
 	if (code == WH_OK)
 		code = take_seam(c, w, &k, piece);
 	wh_checker_free(&k);
@@ -397,7 +397,7 @@ wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_work *
 	    reserve_slots(c, s, one->nv) != WH_OK)
 		return c->err.code;
 	add_counts(&s->found, &w->found);
-	wh_exact_join(&s->area, &w->area);
+	wh_face_sums_join(&s->sums, &w->sums);
 	s->components += w->components;
 	s->edge_components += w->edge_components;
 	add_vertices(s, one);
@@ -478,7 +478,7 @@ wh_code wh_check_pieces_end(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 	r->components -= s->components;
 	r->edge_components -= s->edge_components;
 	wh_check_box_end(r);
-	r->area = wh_exact_value(&s->area);
+	wh_face_sums_end(&s->sums, r);
 	r->vertices = r->referenced_vertices;
 	wh_check_derive(r);
 	return WH_OK;

@@ -4,7 +4,7 @@
  * The pieces are patches: a vertex that is used by other pieces too is flagged WH_CUT and has the
  * same global id in all of them; no other vertex is in two pieces. Every face is in one piece.
  * How the mesh is cut and in which order the pieces come makes no difference to any count, and
- * none to the area.
+ * none to the area or the radius ratios.
  *
  *     for each piece, by any worker:    wh_check_look        (what is whole in the piece)
  *     and one at a time, in any order:  wh_check_pieces_add  (what is left, of all pieces)

@@ -46,6 +46,7 @@ typedef struct bench {
 	wh_parcel out;
 	uint64_t *away; /* visits of the faces at hand: no more than two each */
 	size_t aways;
+	size_t cuts; /* of the vertices sent; their positions come first in xyz then */
 	uint64_t degenerate;
 	wh_vec3 lo, hi;
 } bench;
@@ -331,6 +332,12 @@ static void add_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 	}
 }
 
+/* The position has been sent: it may make room for that of the next cut vertex. */
+static void keep_cut(bench *b, size_t i)
+{
+	memmove(&b->xyz[3 * b->cuts++], &b->xyz[3 * i], 3 * sizeof *b->xyz);
+}
+
 static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 {
 	const wh_visits *v = &g->visits;
@@ -346,6 +353,8 @@ static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 		for (size_t k = visited; k <= at; k++)
 			(void)wh_store_put_vertex(g->store, wh_parcel_put(&b->out, i + k - begin),
 			                          gid, flag, p, 0);
+		if (at > visited)
+			keep_cut(b, i);
 	}
 }
 
@@ -361,6 +370,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_vertex_bytes(g->store),
 	                    CHUNK + g->clusters) != WH_OK)
 		return c->err.code;
+	b->cuts = 0;
 	add_vertices(g, b, first, n);
 	wh_parcel_lay_out(&b->out);
 	put_vertices(g, b, first, n);
@@ -368,11 +378,25 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
+static wh_code list_cuts(wh_ctx *c, ingest *g, const bench *b)
+{
+	wh_cut_list *cuts = g->params->cuts;
+	if (!cuts || b->cuts == 0)
+		return WH_OK;
+	const size_t each = 3 * sizeof *b->xyz;
+	const uint64_t at = cuts->n * each;
+	cuts->n += b->cuts;
+	return wh_spill_pwrite(c, g->store->spill, cuts->fd, b->xyz, b->cuts * each, at);
+}
+
 static wh_code vertex_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	ingest *g = arg;
-	return wh_dispatch_vertices(c, &g->out, &g->worker[worker].out);
+	const bench *b = &g->worker[worker];
+	if (list_cuts(c, g, b) != WH_OK)
+		return c->err.code;
+	return wh_dispatch_vertices(c, &g->out, &b->out);
 }
 
 static uint64_t count_vertices(const wh_visits *v)
@@ -576,6 +600,8 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	if (src->nv > WH_VISIT_VERTICES)
 		return wh_fail(c, WH_E_PLAN, "%s: more than 2^48 vertices", src->path);
 	describe_store(src, params, store);
+	if (params->cuts)
+		params->cuts->n = 0;
 	ingest g = {.src = src,
 	            .store = store,
 	            .progress = progress,

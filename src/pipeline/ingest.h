@@ -14,12 +14,19 @@
 #include "pipeline/dispatch.h"
 #include "pipeline/progress.h"
 
+/* Positions of the cut vertices, in file order and file coordinates: three doubles each. */
+typedef struct wh_cut_list {
+	int fd; /* a file of the store's spill folder, for reading and writing */
+	uint64_t n;
+} wh_cut_list;
+
 /* Only `clusters` decides what is in the files; the others, how much memory it takes. */
 typedef struct wh_ingest_params {
 	uint32_t clusters; /* 1 .. WH_MAX_CLUSTERS */
 	size_t buffer;     /* bytes of write buffer a cluster */
 	uint64_t window;   /* vertices whose cells are in memory at a time; 0: all */
 	size_t visits; /* vertices outside their cells held in memory; 0: the least that works */
+	wh_cut_list *cuts; /* is filled; NULL: nobody wants to know */
 } wh_ingest_params;
 
 typedef struct wh_ingest_result {

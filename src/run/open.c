@@ -110,7 +110,7 @@ static wh_code ingest_once(wh_run *r)
 	if (wh_run_refuse_early(r) != WH_OK)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
-	wh_ingest_params p = {.clusters = r->plan.clusters};
+	wh_ingest_params p = {.clusters = r->plan.clusters, .cuts = r->seams ? &r->cuts : NULL};
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
 	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);

@@ -147,5 +147,7 @@ wh_code wh_run_commit(wh_run *r, wh_outfile **out)
 {
 	r->report->output_bytes = wh_outfile_bytes(*out);
 	wh_outfile_checksum(*out, r->report->checksum);
+	if (r->seams && wh_outfile_commit(r->c, &r->seams) != WH_OK)
+		return r->c->err.code;
 	return wh_outfile_commit(r->c, out);
 }

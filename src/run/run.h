@@ -2,6 +2,7 @@
  * run: one reduction in progress, and its stages. Only whittle.c calls them, in their order.
  *
  *     open.c     input, plan, ingest; the copy where there is nothing to do
+ *     seams.c    the cut vertices of the first partition, for those who want to see them
  *     rounds.c   survey, decimate, recut
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
  *     last.c     a result that fits: stitch, final pass, check, write
@@ -31,8 +32,10 @@ typedef struct wh_run {
 	wh_input input;
 	bool input_open;
 	wh_ingest_result ingest;
-	wh_store store; /* what the mesh lies in now */
-	uint64_t faces; /* of it */
+	wh_cut_list cuts;  /* when seams are asked for; its fd is -1 when there is none */
+	wh_outfile *seams; /* NULL: they are not */
+	wh_store store;    /* what the mesh lies in now */
+	uint64_t faces;    /* of it */
 	uint32_t generations, recuts;
 	wh_patch patch;
 	double max_err;
@@ -86,6 +89,15 @@ wh_code wh_run_refuse_early(wh_run *r);
 wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
+
+/* ---- seams.c ------------------------------------------------------------------------------ */
+
+/* All of these do nothing when no seams are asked for. */
+wh_code wh_run_open_seams(wh_run *r);
+/* Puts what ingest listed into the output, which appears with the result. */
+wh_code wh_run_write_seams(wh_run *r);
+/* Gives up what has not appeared. */
+void wh_run_close_seams(wh_run *r);
 
 /* ---- rounds.c ----------------------------------------------------------------------------- */
 

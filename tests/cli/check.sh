@@ -28,6 +28,8 @@ row edges 6
 row boundary 0
 row genus 0
 row clean yes
+row 'radius ratio, mean' 0.8713 # three of 2 sqrt(2) - 2 and one of 1
+row '5 % of the faces below' 0.828
 
 expect 0 "$WHITTLE" check broken.ply
 row clean no
@@ -41,7 +43,7 @@ expect 3 "$WHITTLE" check --strict broken.ply
 
 expect 0 "$WHITTLE" check --json broken.ply
 for want in '"clean": false' '"genus": null' '"degenerate_faces": 1' '"components": 1' \
-	'"edge_components": 2' '"nonmanifold_vertices": 1' '"file": "broken.ply"'; do
+	'"edge_components": 2' '"nonmanifold_vertices": 1' '"file": "broken.ply"' '"radius_ratio_mean": 0.' '"radius_ratio_p5": 0'; do
 	grep -q "$want" out || fail "no $want in the JSON"
 done
 

@@ -17,12 +17,14 @@ expect 0 "$WHITTLE" compare low.ply high.ply --samples 10K
 grep -q '^  mean  *0.5  *0.5  *0.5$' out || fail "the mean is not 0.5: $(cat out)"
 grep -q '^  max  *10.000000  *10.000000  *10.000000$' out || fail "the maximum is not 10 %"
 grep -q '^  RMS  *100000.00  *100000.00  *100000.00$' out || fail "the RMS is not 1e5"
+grep -A2 '^degrees between normals' out | grep -q '^  RMS  *0.0000  *0.0000  *0.0000$' ||
+	fail "parallel planes deviate: $(cat out)"
 grep -q '^samples  *10000  *10000  *20000$' out || fail "samples"
 grep -q '^diagonal of A  *5$' out || fail "diagonal"
 expect 0 "$WHITTLE" compare low.ply low.ply --samples 1K
 grep -q '^larger RMS  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
 expect 0 "$WHITTLE" compare low.ply high.ply --json --samples 1000
-for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000'; do
+for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000' '"normal_rms": 0.0'; do
 	grep -q "$want" out || fail "no $want in the JSON: $(cat out)"
 done
 
@@ -37,7 +39,34 @@ cmp -s out.1 out.2 && cmp -s out.1 out.3 || fail "threads changed the figures"
 expect 0 "$WHITTLE" compare a.ply b.ply --json --samples 50K --seed 1
 cmp -s out.1 out && fail "the seed changed nothing"
 
+# the band along the cuts; beside a result that was never cut there is little to see
+"$WHITTLE" reduce -q a.ply -o cut.ply --faces 10% --cluster-faces 2K --seams seams.ply || fail "reduce"
+"$WHITTLE" reduce -q a.ply -o whole.ply --faces 10% --cluster-faces 0 --micro-faces 0 --seams none.ply ||
+	fail "reduce"
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams seams.ply --reference whole.ply
+[ "$(grep -c '^  ratio of RMS  *[01]\.[0-9]*$' out)" -eq 3 ] || fail "ratios of RMS: $(cat out)"
+[ "$(grep -c '^  ratio of faces / area  *[01]\.[0-9]*$' out)" -eq 3 ] || fail "ratios of density"
+grep -A5 '^B over' out | grep -q '^  ratio of RMS  *\(0\.9\|1\.0\)' || fail "the cuts show: $(cat out)"
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams none.ply
+grep -q '^  ratio of RMS  *undefined$' out || fail "a ratio without a cut"
+for threads in 1 3; do
+	expect 0 "$WHITTLE" compare a.ply cut.ply --samples 50K --seams seams.ply --reference whole.ply \
+		--json --threads $threads
+	mv out out.$threads
+done
+cmp -s out.1 out.3 || fail "threads changed the band"
+for want in band interior rms_ratio density_ratio reference rms_ratio_over_reference; do
+	grep -q "\"$want\": " out.1 || fail "no $want in the JSON"
+done
+expect 0 "$WHITTLE" compare a.ply cut.ply --samples 1K --seams none.ply --json
+grep -q '"rms_ratio": null' out || fail "no null for a ratio that is undefined"
+
 # refusals
+expect 2 "$WHITTLE" compare a.ply b.ply --reference b.ply
+expect 3 "$WHITTLE" compare a.ply b.ply --seams low.ply
+grep -q 'low.ply.*no binary PLY' err || fail "text is not refused as seams: $(cat err)"
+expect 3 "$WHITTLE" compare a.ply b.ply --seams missing.ply
+expect 3 "$WHITTLE" compare a.ply b.ply --seams seams.ply --reference missing.ply
 expect 2 "$WHITTLE" compare
 expect 2 "$WHITTLE" compare a.ply
 expect 2 "$WHITTLE" compare a.ply b.ply low.ply
