@@ -307,6 +307,8 @@ WH_VECTOR_CLONES static double turn(wh_trial *restrict t, wh_vec3 mean)
 			t->old.x.at[i + 1] = in ? ox : 0.0;
 			t->old.y.at[i + 1] = in ? oy : 0.0;
 			t->old.z.at[i + 1] = in ? oz : 0.0;
+			t->old_weight.at[i + 1] = wh_face_weight(o2);
+			t->fresh_weight.at[i + 1] = wh_face_weight(n2);
 			t->fresh.x.at[i + 1] = in ? nx : 0.0;
 			t->fresh.y.at[i + 1] = in ? ny : 0.0;
 			t->fresh.z.at[i + 1] = in ? nz : 0.0;
@@ -329,6 +331,8 @@ bool wh_trial_sound(const wh_engine *e, wh_trial *t)
 		return false;
 	close_rows(&t->old, t->n);
 	close_rows(&t->fresh, t->n);
+	t->old_weight.at[0] = t->old_weight.at[t->n];
+	t->fresh_weight.at[0] = t->fresh_weight.at[t->n];
 	return true;
 }
 
@@ -413,12 +417,18 @@ WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t)
 			const double ox = t->old.x.at[i], qx = t->old.x.at[k];
 			const double oy = t->old.y.at[i], qy = t->old.y.at[k];
 			const double oz = t->old.z.at[i], qz = t->old.z.at[k];
-			t->gain[0].at[i] = nx * nx + px * px - (ox * ox + qx * qx);
-			t->gain[1].at[i] = nx * ny + px * py - (ox * oy + qx * qy);
-			t->gain[2].at[i] = nx * nz + px * pz - (ox * oz + qx * qz);
-			t->gain[3].at[i] = ny * ny + py * py - (oy * oy + qy * qy);
-			t->gain[4].at[i] = ny * nz + py * pz - (oy * oz + qy * qz);
-			t->gain[5].at[i] = nz * nz + pz * pz - (oz * oz + qz * qz);
+			const double wn = t->fresh_weight.at[i], wp = t->fresh_weight.at[k];
+			const double wo = t->old_weight.at[i], wq = t->old_weight.at[k];
+			const double nxw = wn * nx, nyw = wn * ny, nzw = wn * nz;
+			const double pxw = wp * px, pyw = wp * py, pzw = wp * pz;
+			const double oxw = wo * ox, oyw = wo * oy, ozw = wo * oz;
+			const double qxw = wq * qx, qyw = wq * qy, qzw = wq * qz;
+			t->gain[0].at[i] = nxw * nx + pxw * px - (oxw * ox + qxw * qx);
+			t->gain[1].at[i] = nxw * ny + pxw * py - (oxw * oy + qxw * qy);
+			t->gain[2].at[i] = nxw * nz + pxw * pz - (oxw * oz + qxw * qz);
+			t->gain[3].at[i] = nyw * ny + pyw * py - (oyw * oy + qyw * qy);
+			t->gain[4].at[i] = nyw * nz + pyw * pz - (oyw * oz + qyw * qz);
+			t->gain[5].at[i] = nzw * nz + pzw * pz - (ozw * oz + qzw * qz);
 			t->gain[6].at[i] = nx + px - (ox + qx);
 			t->gain[7].at[i] = ny + py - (oy + qy);
 			t->gain[8].at[i] = nz + pz - (oz + qz);
@@ -430,13 +440,13 @@ static void lose_shared(wh_trial *t)
 {
 	for (uint32_t k = 0; k < t->nshared; k++) {
 		const uint32_t i = find(t->id, t->apex[k]);
-		const wh_vec3 n = t->lost[k];
-		t->gain[0].at[i] -= n.x * n.x;
-		t->gain[1].at[i] -= n.x * n.y;
-		t->gain[2].at[i] -= n.x * n.z;
-		t->gain[3].at[i] -= n.y * n.y;
-		t->gain[4].at[i] -= n.y * n.z;
-		t->gain[5].at[i] -= n.z * n.z;
+		const wh_vec3 n = t->lost[k], wn = wh_scale(n, wh_face_weight(wh_norm2(n)));
+		t->gain[0].at[i] -= wn.x * n.x;
+		t->gain[1].at[i] -= wn.x * n.y;
+		t->gain[2].at[i] -= wn.x * n.z;
+		t->gain[3].at[i] -= wn.y * n.y;
+		t->gain[4].at[i] -= wn.y * n.z;
+		t->gain[5].at[i] -= wn.z * n.z;
 		t->gain[6].at[i] -= n.x;
 		t->gain[7].at[i] -= n.y;
 		t->gain[8].at[i] -= n.z;

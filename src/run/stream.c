@@ -11,8 +11,9 @@ static const double SETTLE_NO_PROGRESS = 0.99;
 /* A trial goes on to this share of the target, as a survey is not exact ... */
 static const double TRIAL_MARGIN = 0.92;
 /* ... and where it falls short, to this many times the cost, before it goes as far as it can. */
-static const double TRIAL_RAISE = 64;
+static const double TRIAL_RAISE = 8;
 enum {
+	TRIALS = 4,   /* the last one as far as it can */
 	PATIENCE = 4, /* rounds that wait for a partition that frees every vertex */
 	MOST_SETTLINGS = 64
 };
@@ -36,14 +37,16 @@ static bool is_reached(const wh_run *r)
 }
 
 /* Costs that a trial may go to, one after the other while the one before was not enough. */
-static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[3])
+static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[TRIALS])
 {
 	wh_cluster_params p = {.all = wh_run_engine(r)};
+	p.all.log_in_order = true; /* rather too much than too little */
 	if (wh_run_survey(r, ex, TRIAL_MARGIN * wh_run_share(r), &p) != WH_OK)
 		return r->c->err.code;
 	cost[0] = p.all.max_cost;
-	cost[1] = TRIAL_RAISE * p.all.max_cost;
-	cost[2] = INFINITY;
+	for (int i = 1; i + 1 < TRIALS; i++)
+		cost[i] = TRIAL_RAISE * cost[i - 1];
+	cost[TRIALS - 1] = INFINITY;
 	return WH_OK;
 }
 
@@ -51,7 +54,7 @@ static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[3])
 static wh_code settle_once(wh_run *r)
 {
 	wh_exec ex;
-	double cost[3] = {0};
+	double cost[TRIALS] = {0};
 	wh_settle_result done = {0};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	wh_settle_params p = to_give_up(r);
@@ -59,9 +62,10 @@ static wh_code settle_once(wh_run *r)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	wh_code code = WH_OK;
-	for (int i = 0; code == WH_OK && i < 3 && !done.reached; i++) {
+	for (int i = 0; code == WH_OK && i < TRIALS && !done.reached; i++) {
 		p.all.max_cost = cost[i];
-		code = wh_settle(r->c, &ex, &r->progress, &r->store, &next, &p, i == 2, &done);
+		code = wh_settle(r->c, &ex, &r->progress, &r->store, &next, &p, i == TRIALS - 1,
+		                 &done);
 	}
 	if (wh_run_phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
 		return code;
