@@ -279,7 +279,7 @@ void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bo
  *
  * H is inverted by cofactors after a shift of its diagonal that bounds its condition. Where the
  * other end is locked y = e, and the terms in B cancel. */
-WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *restrict hub)
+WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *restrict hub)
 {
 	const wh_vertex_sum a = *hub;
 	const size_t n = f->n;
@@ -361,6 +361,12 @@ WH_VECTOR_CLONES void wh_fan_evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			f->cost.at[i] =
 			    (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2 + f->bar.at[i];
 		}
+}
+
+/* Clang 14 gives the chosen clone a name of its own, which other files cannot call. */
+void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub)
+{
+	evaluate(f, hub);
 }
 
 /* ---- guesses ------------------------------------------------------------------------------ */
