@@ -2,6 +2,7 @@
 
 #include "geom/kdtree.h"
 
+#include <math.h>
 #include <string.h>
 
 #define SHARED (UINT32_MAX - 1) /* owner of a vertex that several micro-clusters use */
@@ -209,13 +210,25 @@ static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 	return WH_OK;
 }
 
+/* Micro-clusters that go as far as the whole would leave little to do but along their cuts, and the
+ * next round's are elsewhere. */
+static bool micros_do(const wh_cluster_params *params)
+{
+	const wh_simplify_params *all = &params->all;
+	return isfinite(all->max_cost) && params->micro_cost >= all->max_cost &&
+	       !all->target_faces && !all->target_vertices;
+}
+
 wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
                           const wh_cluster_params *params, wh_simplify_result *result)
 {
 	*result = (wh_simplify_result){0};
-	if (params->micro_faces && p->nf > 2 * (uint64_t)params->micro_faces &&
-	    reduce_micros(c, w, p, params, result) != WH_OK)
-		return c->err.code;
+	if (params->micro_faces && p->nf > 2 * (uint64_t)params->micro_faces) {
+		if (reduce_micros(c, w, p, params, result) != WH_OK)
+			return c->err.code;
+		if (micros_do(params))
+			return WH_OK;
+	}
 	wh_simplify_result last;
 	if (wh_simplify(c, w->simplify, p, &params->all, &last) != WH_OK)
 		return c->err.code;

@@ -19,7 +19,7 @@ static const double ROUND_KEEP_LEAST = 0.02;
 /* Micro-clusters, smaller still, stop earlier. */
 static const double MICRO_KEEP_LEAST = 0.125;
 /* Above this share there is too little to do for a round to be worth its passes. */
-static const double ROUND_KEEP_MOST = 0.85;
+static const double ROUND_KEEP_MOST = 0.7;
 /* A round that leaves more than this is the last one. */
 static const double ROUND_NO_PROGRESS = 0.9;
 
