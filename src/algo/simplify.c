@@ -255,7 +255,7 @@ static double width(const wh_patch *p)
 	return most;
 }
 
-/* The top of the queue's window: diagonal^6, which no collapse inside the patch's bounding box
+/* The top of the queue's window: diagonal^5, which no collapse inside the patch's bounding box
  * exceeds by much; but what lies far outside the rest must not push the rest below the window. */
 static double cost_scale(const wh_patch *p)
 {
@@ -269,7 +269,7 @@ static double cost_scale(const wh_patch *p)
 	}
 	const double box2 = wh_norm2(wh_sub(hi, lo)), mid = width(p);
 	const double d2 = mid > 0 ? fmin(box2, mid * mid * FAR_OUT * FAR_OUT) : box2;
-	return d2 > 0 ? d2 * d2 * d2 : 1;
+	return d2 > 0 ? d2 * d2 * sqrt(d2) : 1;
 }
 
 static wh_code pass(wh_engine *e)

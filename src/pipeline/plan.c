@@ -101,7 +101,7 @@ bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces)
 /* Measured on scans and generated surfaces. */
 static const double TOUCHED_BASE = 4.5 * 1048576; /* program and libraries */
 /* Of the engine's arrays, a face: the more is collapsed, the more of them. */
-static const double TOUCHED_ROUND = 71, TOUCHED_SETTLE = 85, TOUCHED_FINAL = 118;
+static const double TOUCHED_ROUND = 100, TOUCHED_SETTLE = 108, TOUCHED_FINAL = 118;
 static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters */
 static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
@@ -214,7 +214,10 @@ static void round_of(forecast *f, double keep)
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
 	const double border =
 	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-pow(keep / BORDER_FADES, 2));
-	const double after = fmin(f->faces * (keep + (f->clusters > 1 ? border : 0)), f->faces);
+	/* micro-clusters that keep as much as the whole are all that is done */
+	const bool last = cut && wh_plan_keep_micro(&f->q->sizes, keep) <= keep;
+	const double left = keep + (f->clusters > 1 ? border : 0) + (last ? MICRO_LEFT : 0);
+	const double after = fmin(f->faces * left, f->faces);
 	const double next = round_store(f, after);
 	disk(f, next);
 	f->store = next;

@@ -18,7 +18,7 @@ enum {
 	WH_PLAN_BASE = 12 * 1024 * 1024,    /* program, libraries, stacks, small allocations */
 	WH_PLAN_REWRITE = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	WH_PLAN_ROUNDS_BEFORE_SETTLING = 2, /* with the last one, three different partitions */
-	WH_PLAN_SURVEY_FACES = 8 * 1024    /* a piece of a survey */
+	WH_PLAN_SURVEY_FACES = 8 * 1024     /* a piece of a survey */
 };
 
 /* The sizes that decide the output's bytes. */
