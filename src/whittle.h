@@ -30,6 +30,7 @@ typedef struct wh_reduce_params {
 	double error;        /* accumulated distance, in units of the file; 0: none */
 	double error_share;  /* the same as a share of the bounding-box diagonal; 0: none */
 
+	bool fast;          /* less time for a little more error */
 	bool lock_boundary; /* boundary edges stay exactly as they are */
 
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */

@@ -20,6 +20,7 @@ static const char help[] =
     "      --ratio R         share of the triangles to keep: 0.1\n"
     "      --error E|P%      how far the surface may move, as estimated, in units of\n"
     "                        the file or per cent of the bounding-box diagonal\n"
+    "      --fast            less time for a little more error\n"
     "      --lock-boundary   keep boundary edges exactly\n"
     "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default:\n"
     "                        half of the machine's, its control group's or the job's)\n"

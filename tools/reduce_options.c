@@ -10,6 +10,7 @@ enum {
 	OPT_VERTICES = 256,
 	OPT_RATIO,
 	OPT_ERROR,
+	OPT_FAST,
 	OPT_LOCK,
 	OPT_MEMORY,
 	OPT_THREADS,
@@ -30,6 +31,7 @@ static const struct option long_options[] = {
     {"vertices", required_argument, NULL, OPT_VERTICES},
     {"ratio", required_argument, NULL, OPT_RATIO},
     {"error", required_argument, NULL, OPT_ERROR},
+    {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
@@ -116,6 +118,9 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_ERROR:
 		ok = parse_error_limit(arg, p);
+		break;
+	case OPT_FAST:
+		p->fast = true;
 		break;
 	case OPT_LOCK:
 		p->lock_boundary = true;

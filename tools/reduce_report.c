@@ -59,6 +59,7 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_real(o, "vertex_ratio", p->vertex_ratio);
 	put_real(o, "error", p->error);
 	put_real(o, "error_share", p->error_share);
+	put_flag(o, "fast", p->fast);
 	put_flag(o, "lock_boundary", p->lock_boundary);
 	put_count(o, "memory_bytes", r->memory_ceiling);
 	put_count(o, "cluster_faces", p->cluster_faces);

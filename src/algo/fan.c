@@ -253,7 +253,7 @@ WH_VECTOR_CLONES static void sum_faces(const wh_row *const face[3], size_t n,
 		r[7] += y;
 		r[8] += z;
 	}
-	for (int k = 0; k < 3; k++)
+	for (size_t k = 0; k < 3; k++)
 		add_lanes(&r[4 * k], &sum[4 * k]);
 }
 
@@ -390,9 +390,9 @@ WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t 
 double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum)
 {
 	wh_row cost;
+	double least = INFINITY;
 	cost_of_moving(to, n, sum, cost.at);
-	double least = cost.at[0];
-	for (uint32_t i = 1; i < n; i++)
+	for (uint32_t i = 0; i < n; i++)
 		least = cost.at[i] < least ? cost.at[i] : least;
 	return least;
 }

@@ -22,6 +22,7 @@ typedef struct wh_simplify_params {
 	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
 	double max_cost;          /* no collapse above this cost; INFINITY: no limit */
 	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
+	bool fast;            /* a looser order, for fewer evaluations */
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
 	bool float_positions; /* new positions are rounded to float */
 	double step; /* a power of two: new positions are whole steps away from an old one, so that

@@ -114,6 +114,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 {
 	return (wh_simplify_params){.max_cost = INFINITY,
 	                            .max_err = r->max_err * r->ingest.scale,
+	                            .fast = r->params->fast,
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
 	                            .step = r->ingest.step};
