@@ -38,6 +38,9 @@ header() {
 reduce in.ply -o a.ply --faces 1K
 grep -q '1000 faces' out || fail "the summary has no count: $(cat out)"
 [ "$(count a.ply face)" -eq 1000 ] || fail "1000 faces"
+reduce in.ply -o fast.ply --faces 1K --fast --report fast.json
+[ "$(count fast.ply face)" -eq 1000 ] || fail "1000 faces, fast"
+grep -q '"fast": true' fast.json || fail "the report does not say fast"
 reduce -q in.ply -o b.ply --ratio 0.05 --threads 1
 [ ! -s out ] && [ ! -s err ] || fail "-q printed something"
 expect 0 "$WHITTLE" check --strict a.ply
