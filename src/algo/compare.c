@@ -59,16 +59,6 @@ static bool is_finite(wh_vec3 p)
 	return isfinite(p.x) && isfinite(p.y) && isfinite(p.z);
 }
 
-static wh_vec3 min_of(wh_vec3 a, wh_vec3 b)
-{
-	return wh_v3(fmin(a.x, b.x), fmin(a.y, b.y), fmin(a.z, b.z));
-}
-
-static wh_vec3 max_of(wh_vec3 a, wh_vec3 b)
-{
-	return wh_v3(fmax(a.x, b.x), fmax(a.y, b.y), fmax(a.z, b.z));
-}
-
 /* The box around all corners. */
 static wh_code bound(wh_ctx *c, const wh_mesh *m, const char *which, box *b)
 {
@@ -80,7 +70,7 @@ static wh_code bound(wh_ctx *c, const wh_mesh *m, const char *which, box *b)
 		if (!is_finite(p))
 			return wh_fail(c, WH_E_INPUT, "vertex %u of the %s mesh is not finite",
 			               m->tri[i], which);
-		*b = (box){min_of(b->lo, p), max_of(b->hi, p)};
+		*b = (box){wh_lower(b->lo, p), wh_upper(b->hi, p)};
 	}
 	return WH_OK;
 }
@@ -440,9 +430,9 @@ static uint64_t default_samples(const wh_mesh *a, const wh_mesh *b)
 /* The box around both meshes and the cuts. */
 static box all_of(const box *a, const box *b, const wh_compare_params *p)
 {
-	box all = {min_of(a->lo, b->lo), max_of(a->hi, b->hi)};
+	box all = {wh_lower(a->lo, b->lo), wh_upper(a->hi, b->hi)};
 	for (uint64_t i = 0; p->cuts && i < p->ncuts; i++)
-		all = (box){min_of(all.lo, p->cuts[i]), max_of(all.hi, p->cuts[i])};
+		all = (box){wh_lower(all.lo, p->cuts[i]), wh_upper(all.hi, p->cuts[i])};
 	return all;
 }
 

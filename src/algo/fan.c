@@ -225,7 +225,7 @@ INLINE void add_lanes(const half r[4], double *to)
 	memcpy(to, &sum, sizeof sum);
 }
 
-WH_VECTOR_CLONES static void sum_faces(const wh_row *const face[3], size_t n,
+WH_VECTOR_CLONES static void sum_faces(const wh_rows3 *restrict face, size_t n,
                                        double sum[restrict 12])
 {
 	half r[12] = {{0}};
@@ -233,14 +233,14 @@ WH_VECTOR_CLONES static void sum_faces(const wh_row *const face[3], size_t n,
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const size_t i = b + lane;
-			const double x = face[0]->at[i], y = face[1]->at[i], z = face[2]->at[i];
+			const double x = face->x.at[i], y = face->y.at[i], z = face->z.at[i];
 			weight.at[i] = wh_face_weight(x * x + y * y + z * z);
 		}
 	for (size_t i = 0; i < n; i += 4) {
 		half x, y, z, w;
-		memcpy(&x, &face[0]->at[i], sizeof x);
-		memcpy(&y, &face[1]->at[i], sizeof y);
-		memcpy(&z, &face[2]->at[i], sizeof z);
+		memcpy(&x, &face->x.at[i], sizeof x);
+		memcpy(&y, &face->y.at[i], sizeof y);
+		memcpy(&z, &face->z.at[i], sizeof z);
 		memcpy(&w, &weight.at[i], sizeof w);
 		const half wx = w * x, wy = w * y, wz = w * z;
 		r[0] += wx * x;
@@ -257,7 +257,7 @@ WH_VECTOR_CLONES static void sum_faces(const wh_row *const face[3], size_t n,
 		add_lanes(&r[4 * k], &sum[4 * k]);
 }
 
-void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bool closed,
+void wh_sum_make(const wh_rows3 *to, const wh_rows3 *face, uint32_t n, bool closed,
                  wh_vertex_sum *s)
 {
 	double sum[12];
@@ -272,13 +272,74 @@ void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bo
 
 /* ---- evaluation --------------------------------------------------------------------------- */
 
+/* A symmetric matrix. */
+typedef struct symmetric {
+	double xx, xy, xz, yy, yz, zz;
+} symmetric;
+
+INLINE wh_vec3 at_lane(const wh_rows3 *r, size_t i)
+{
+	return wh_v3(r->x.at[i], r->y.at[i], r->z.at[i]);
+}
+
+INLINE wh_vec3 times(symmetric m, wh_vec3 d)
+{
+	return wh_v3(m.xx * d.x + m.xy * d.y + m.xz * d.z, m.xy * d.x + m.yy * d.y + m.yz * d.z,
+	             m.xz * d.x + m.yz * d.y + m.zz * d.z);
+}
+
+/* d'md */
+INLINE double form(symmetric m, wh_vec3 d)
+{
+	return d.x * (m.xx * d.x + 2.0 * (m.xy * d.y + m.xz * d.z)) +
+	       d.y * (m.yy * d.y + 2.0 * m.yz * d.z) + d.z * m.zz * d.z;
+}
+
+INLINE symmetric cofactors(symmetric m)
+{
+	return (symmetric){m.yy * m.zz - m.yz * m.yz, m.xz * m.yz - m.xy * m.zz,
+	                   m.xy * m.yz - m.xz * m.yy, m.xx * m.zz - m.xz * m.xz,
+	                   m.xy * m.xz - m.xx * m.yz, m.xx * m.yy - m.xy * m.xy};
+}
+
+/* What both ends have, less what they share: the faces with area vectors p and q, and the edge e
+ * itself, which weighs `rim` (0 but on the boundary). */
+INLINE symmetric join(const wh_vertex_sum *a, symmetric b, wh_vec3 p, wh_vec3 q, wh_vec3 e,
+                      double rim)
+{
+	const double len2 = wh_norm2(e);
+	const wh_vec3 pw = wh_scale(p, wh_face_weight(wh_norm2(p)));
+	const wh_vec3 qw = wh_scale(q, wh_face_weight(wh_norm2(q)));
+	return (symmetric){a->xx + b.xx - pw.x * p.x - qw.x * q.x - rim * (len2 - e.x * e.x),
+	                   a->xy + b.xy - pw.x * p.y - qw.x * q.y + rim * e.x * e.y,
+	                   a->xz + b.xz - pw.x * p.z - qw.x * q.z + rim * e.x * e.z,
+	                   a->yy + b.yy - pw.y * p.y - qw.y * q.y - rim * (len2 - e.y * e.y),
+	                   a->yz + b.yz - pw.y * p.z - qw.y * q.z + rim * e.y * e.z,
+	                   a->zz + b.zz - pw.z * p.z - qw.z * q.z - rim * (len2 - e.z * e.z)};
+}
+
+/* The least of y'Hy - 2 y'Be where n y = volume: H, shifted, is inverted by cofactors, and the
+ * constraint, Lindstrom & Turk's first, met along the inverse times n. */
+INLINE wh_vec3 minimum(symmetric h, wh_vec3 be, wh_vec3 e, wh_vec3 n, double volume)
+{
+	const double pull = MIDPOINT_PULL * (h.xx + h.yy + h.zz);
+	const symmetric shifted = {h.xx + pull, h.xy, h.xz, h.yy + pull, h.yz, h.zz + pull};
+	const symmetric c = cofactors(shifted);
+	const double det = shifted.xx * c.xx + h.xy * c.xy + h.xz * c.xz;
+	const wh_vec3 g = wh_add(be, wh_scale(e, 0.5 * pull));
+	const wh_vec3 y = wh_scale(times(c, g), 1.0 / det);
+	const wh_vec3 m = times(c, n);
+	const double nm = wh_dot(n, m), gap = volume - wh_dot(n, y);
+	const double step = gap / (nm > 0 ? nm : 1.0) * (nm > 0 ? 1.0 : 0.0);
+	return wh_add(y, wh_scale(m, step));
+}
+
 /* With y the new place relative to the hub, e the edge from the hub to the other end, A and N the
  * sums of the hub, B and M those of the other end, and S, T the sums over the shared faces:
  *
  *     H = A + B - S     cost(y) = y'Hy - 2 y'Be + e'Be     volume kept: (N + M - T) y = M e
  *
- * H is inverted by cofactors after a shift of its diagonal that bounds its condition. Where the
- * other end is locked y = e, and the terms in B cancel. */
+ * Where the other end is locked y = e, and the terms in B cancel. */
 WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *restrict hub)
 {
 	const wh_vertex_sum a = *hub;
@@ -286,77 +347,29 @@ WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 	for (size_t block = 0; block < n; block += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const size_t i = block + lane;
-			const double ex = f->to.x.at[i], ey = f->to.y.at[i], ez = f->to.z.at[i];
-			const double len2 = ex * ex + ey * ey + ez * ez;
+			const wh_vec3 e = at_lane(&f->to, i), m = at_lane(&f->m, i);
+			const wh_vec3 p = at_lane(&f->before, i), q = at_lane(&f->after, i);
+			const symmetric b = {f->xx.at[i], f->xy.at[i], f->xz.at[i],
+			                     f->yy.at[i], f->yz.at[i], f->zz.at[i]};
+			const double len2 = wh_norm2(e);
 			/* the edge itself, which both ends count when it is on the boundary */
 			const double rim = f->rim.at[i] * BOUNDARY_WEIGHT * sqrt(len2);
-			const double p = f->before.x.at[i], q = f->before.y.at[i],
-			             r = f->before.z.at[i];
-			const double u = f->after.x.at[i], v = f->after.y.at[i],
-			             w = f->after.z.at[i];
-			const double wp = wh_face_weight(p * p + q * q + r * r);
-			const double wu = wh_face_weight(u * u + v * v + w * w);
-			const double pw = wp * p, qw = wp * q, rw = wp * r;
-			const double uw = wu * u, vw = wu * v, ww = wu * w;
-			const double hxx =
-			    a.xx + f->xx.at[i] - pw * p - uw * u - rim * (len2 - ex * ex);
-			const double hyy =
-			    a.yy + f->yy.at[i] - qw * q - vw * v - rim * (len2 - ey * ey);
-			const double hzz =
-			    a.zz + f->zz.at[i] - rw * r - ww * w - rim * (len2 - ez * ez);
-			const double hxy = a.xy + f->xy.at[i] - pw * q - uw * v + rim * ex * ey;
-			const double hxz = a.xz + f->xz.at[i] - pw * r - uw * w + rim * ex * ez;
-			const double hyz = a.yz + f->yz.at[i] - qw * r - vw * w + rim * ey * ez;
-			const double nx = a.n.x + f->m.x.at[i] - p - u;
-			const double ny = a.n.y + f->m.y.at[i] - q - v;
-			const double nz = a.n.z + f->m.z.at[i] - r - w;
-			const double trace = hxx + hyy + hzz;
-			const double pull = MIDPOINT_PULL * trace;
-			/* Be, and its form */
-			const double bx = f->xx.at[i] * ex + f->xy.at[i] * ey + f->xz.at[i] * ez;
-			const double by = f->xy.at[i] * ex + f->yy.at[i] * ey + f->yz.at[i] * ez;
-			const double bz = f->xz.at[i] * ex + f->yz.at[i] * ey + f->zz.at[i] * ez;
-			const double ebe = ex * bx + ey * by + ez * bz;
-			/* cofactors of the shifted H */
-			const double sx = hxx + pull, sy = hyy + pull, sz = hzz + pull;
-			const double cxx = sy * sz - hyz * hyz, cxy = hxz * hyz - hxy * sz;
-			const double cxz = hxy * hyz - hxz * sy, cyy = sx * sz - hxz * hxz;
-			const double cyz = hxy * hxz - sx * hyz, czz = sx * sy - hxy * hxy;
-			const double det = sx * cxx + hxy * cxy + hxz * cxz;
-			const double gx = bx + 0.5 * pull * ex, gy = by + 0.5 * pull * ey;
-			const double gz = bz + 0.5 * pull * ez;
-			const double inv = 1.0 / det;
-			double yx = (cxx * gx + cxy * gy + cxz * gz) * inv;
-			double yy = (cxy * gx + cyy * gy + cyz * gz) * inv;
-			double yz = (cxz * gx + cyz * gy + czz * gz) * inv;
-			/* Lindstrom & Turk's first constraint: the volume under the surface stays.
-			 */
-			const double mx = cxx * nx + cxy * ny + cxz * nz;
-			const double my = cxy * nx + cyy * ny + cyz * nz;
-			const double mz = cxz * nx + cyz * ny + czz * nz;
-			const double nm = nx * mx + ny * my + nz * mz;
-			const double gap = f->m.x.at[i] * ex + f->m.y.at[i] * ey +
-			                   f->m.z.at[i] * ez - (nx * yx + ny * yy + nz * yz);
-			const double step = gap / (nm > 0 ? nm : 1.0) * (nm > 0 ? 1.0 : 0.0);
-			yx += mx * step;
-			yy += my * step;
-			yz += mz * step;
+			const symmetric h = join(&a, b, p, q, e, rim);
+			const wh_vec3 be = times(b, e), all = wh_sub(wh_sub(wh_add(a.n, m), p), q);
+			wh_vec3 y = minimum(h, be, e, all, wh_dot(m, e));
 			/* A minimum far away is an artefact of a nearly singular sum; so is no
 			 * minimum. */
-			const double fx = yx - 0.5 * ex, fy = yy - 0.5 * ey, fz = yz - 0.5 * ez;
-			const bool near = fx * fx + fy * fy + fz * fz <= 4.0 * len2;
-			yx = near ? yx : 0.5 * ex;
-			yx += f->locked.at[i] * (ex - yx);
-			yy = near ? yy : 0.5 * ey;
-			yy += f->locked.at[i] * (ey - yy);
-			yz = near ? yz : 0.5 * ez;
-			yz += f->locked.at[i] * (ez - yz);
-			const double form = yx * (hxx * yx + 2.0 * (hxy * yy + hxz * yz)) +
-			                    yy * (hyy * yy + 2.0 * hyz * yz) + yz * hzz * yz;
-			const double cost = form - 2.0 * (yx * bx + yy * by + yz * bz) + ebe;
-			f->place.x.at[i] = yx;
-			f->place.y.at[i] = yy;
-			f->place.z.at[i] = yz;
+			const wh_vec3 middle = wh_scale(e, 0.5);
+			const bool near = wh_norm2(wh_sub(y, middle)) <= 4.0 * len2;
+			y.x = near ? y.x : middle.x;
+			y.y = near ? y.y : middle.y;
+			y.z = near ? y.z : middle.z;
+			y = wh_add(y, wh_scale(wh_sub(e, y), f->locked.at[i]));
+			const double trace = h.xx + h.yy + h.zz;
+			const double cost = form(h, y) - 2.0 * wh_dot(y, be) + wh_dot(e, be);
+			f->place.x.at[i] = y.x;
+			f->place.y.at[i] = y.y;
+			f->place.z.at[i] = y.z;
 			f->weight.at[i] = trace;
 			f->cost.at[i] =
 			    (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2 + f->bar.at[i];
@@ -375,15 +388,13 @@ WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t 
                                             const wh_vertex_sum *restrict sum,
                                             double *restrict cost)
 {
-	const wh_vertex_sum a = *sum;
+	const symmetric a = {sum->xx, sum->xy, sum->xz, sum->yy, sum->yz, sum->zz};
 	const double tie = LENGTH_TIE * (a.xx + a.yy + a.zz);
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const size_t i = b + lane;
-			const double x = to->x.at[i], y = to->y.at[i], z = to->z.at[i];
-			const double form = x * (a.xx * x + 2.0 * (a.xy * y + a.xz * z)) +
-			                    y * (a.yy * y + 2.0 * a.yz * z) + z * a.zz * z;
-			cost[i] = (form > 0 ? form : 0.0) + tie * (x * x + y * y + z * z);
+			const wh_vec3 d = at_lane(to, b + lane);
+			const double moved = form(a, d);
+			cost[b + lane] = (moved > 0 ? moved : 0.0) + tie * wh_norm2(d);
 		}
 }
 
@@ -402,7 +413,6 @@ void wh_star_renew(wh_engine *e, uint32_t v)
 	wh_star *s = &e->w->star[v];
 	wh_fan *f = &e->w->fan;
 	take_faces(e->w->star, wh_ring(e, v), s, f);
-	const wh_row *const face[3] = {&f->after.x, &f->after.y, &f->after.z};
-	wh_sum_make(&f->to, face, s->n, s->closed, &s->sum);
+	wh_sum_make(&f->to, &f->after, s->n, s->closed, &s->sum);
 	s->guess = wh_guess(&f->to, s->n, &s->sum);
 }

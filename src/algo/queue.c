@@ -5,7 +5,7 @@
 
 wh_code wh_queue_reset(wh_ctx *c, wh_queue *q, uint32_t n, double top)
 {
-	if (n > q->cap && wh_renew(c, &q->link, &q->cap, n, sizeof *q->link) != WH_OK)
+	if (wh_renew(c, &q->link, &q->cap, n, sizeof *q->link) != WH_OK)
 		return c->err.code;
 	memset(q->link, 0xff, n * sizeof *q->link);
 	memset(q->head, 0xff, sizeof q->head);

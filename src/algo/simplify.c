@@ -4,23 +4,24 @@
  * Idea. The cost of collapsing edge uv is measured against the faces of the mesh as it is now,
  * not against the original (Lindstrom & Turk, "Fast and memory efficient polygonal
  * simplification", 1998; Hoppe, "New quadric metric", 1999, "memoryless"): the sum over the faces
- * around u and v of the squared volume between the face and the new vertex. Boundary edges add
- * the squared area swept on either side. The new vertex minimises that sum, and keeps the volume
- * under the surface as it was. No quadric is stored with the mesh, so a vertex on a cut needs no
- * special care.
+ * around u and v of the squared volume between the face and the new vertex, large faces weighing a
+ * little less than that. Boundary edges add the squared area swept on either side. The new vertex
+ * minimises that sum, and keeps the volume under the surface as it was. No quadric is stored with
+ * the mesh, so a vertex on a cut needs no special care.
  *
  * Stars are in star.c, costs in fan.c, what may be collapsed in trial.c.
  *
- * Order. Every free vertex waits in a bucket queue (queue.h) at the cost of its cheapest edge. A
- * collapse evaluates the edges of the vertex it made; those of the vertices around it go stale, and
- * are evaluated when a vertex is taken: if it got dearer it goes back. Edges that may not be
- * collapsed are passed over for the next one; a vertex without any leaves the queue, and its edges
- * are looked at from their other ends as long as those are in it.
+ * Order. Every free vertex waits in a bucket queue (queue.h) at the cost of its cheapest edge, or,
+ * before it was first evaluated, at a guess from its own faces. Where a collapse changes the faces
+ * of a vertex, what is known of its cost grows with their sum. A vertex is evaluated when it is
+ * taken: if it is dearer than its place says it goes back. Edges that may not be collapsed are
+ * passed over for the next one; a vertex without any leaves the queue, and its edges are looked at
+ * from their other ends as long as those are in it.
  *
  * Invariants. Every free vertex has its ring, and its sum is current. A vertex that is gone has no
  * ring.
  *
- * Cost: two to three vertices evaluated for each collapse; 120 bytes a face at the start.
+ * Cost: two vertices evaluated for each collapse; 120 bytes a face at the start.
  */
 #include "algo/simplify_engine.h"
 
@@ -279,9 +280,8 @@ static double cost_scale(const wh_patch *p)
 		return 1;
 	wh_vec3 lo = p->pos[0], hi = p->pos[0];
 	for (uint32_t v = 1; v < p->nv; v++) {
-		const wh_vec3 q = p->pos[v];
-		lo = wh_v3(fmin(lo.x, q.x), fmin(lo.y, q.y), fmin(lo.z, q.z));
-		hi = wh_v3(fmax(hi.x, q.x), fmax(hi.y, q.y), fmax(hi.z, q.z));
+		lo = wh_lower(lo, p->pos[v]);
+		hi = wh_upper(hi, p->pos[v]);
 	}
 	const double box2 = wh_norm2(wh_sub(hi, lo)), mid = width(p);
 	const double d2 = mid > 0 ? fmin(box2, mid * mid * FAR_OUT * FAR_OUT) : box2;

@@ -59,14 +59,14 @@ typedef struct wh_rows3 {
 typedef struct wh_fan {
 	uint32_t n;
 	bool closed;
-	const uint32_t *id;     /* the hub's ring */
+	const uint32_t *id;     /* the hub's ring, until it changes */
 	wh_rows3 to;            /* neighbours */
 	wh_rows3 before, after; /* area vectors of the faces before and after each; 0 if none */
-	wh_row xx, xy, xz, yy, yz, zz; /* their sums */
-	wh_rows3 m;
-	wh_row rim;    /* 1 on a boundary edge, else 0 */
-	wh_row locked; /* 1 where the neighbour is locked, else 0 */
-	wh_row bar;    /* added to the cost: infinite where an edge may not be collapsed */
+	wh_row xx, xy, xz, yy, yz, zz; /* their sums: A, */
+	wh_rows3 m;                    /* and area vectors */
+	wh_row rim;                    /* 1 on a boundary edge, else 0 */
+	wh_row locked;                 /* 1 where the neighbour is locked, else 0 */
+	wh_row bar; /* added to the cost: infinite where an edge may not be collapsed */
 	/* results: new place, cost, weight of the faces */
 	wh_rows3 place;
 	wh_row cost, weight;
@@ -169,9 +169,9 @@ wh_code wh_stars_build(wh_engine *e);
 /* The faces and vertices that are left, back into the patch. */
 void wh_stars_unbuild(wh_engine *e);
 
-static inline const uint32_t *wh_ring(const wh_engine *e, uint32_t v)
+static inline uint32_t *wh_ring(const wh_engine *e, uint32_t v)
 {
-	const wh_star *s = &e->w->star[v];
+	wh_star *s = &e->w->star[v];
 	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
 }
 
@@ -197,9 +197,9 @@ void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f);
 /* Place and cost of the collapse of each edge. */
 void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub);
 
-/* The sum of a vertex, from area vectors (0 behind the last face) and, when it is on the boundary,
- * its two boundary edges; `n` neighbours at `to`. */
-void wh_sum_make(const wh_rows3 *to, const wh_row *const face[3], uint32_t n, bool closed,
+/* The sum of a vertex, from n area vectors (0 where there is no face) and, when it is on the
+ * boundary, its two boundary edges; `n` neighbours at `to`. */
+void wh_sum_make(const wh_rows3 *to, const wh_rows3 *face, uint32_t n, bool closed,
                  wh_vertex_sum *s);
 
 /* What the cheapest collapse of a vertex may cost, judged by what is around it alone: the cost of

@@ -72,16 +72,10 @@ wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n)
 	return WH_OK;
 }
 
-static uint32_t *ring_of(wh_engine *e, uint32_t v)
-{
-	wh_star *s = &e->w->star[v];
-	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
-}
-
 wh_code wh_ring_remove(wh_engine *e, uint32_t v, uint32_t id)
 {
 	wh_star *s = &e->w->star[v];
-	uint32_t *r = ring_of(e, v), i = 0;
+	uint32_t *r = wh_ring(e, v), i = 0;
 	while (r[i] != id)
 		i++;
 	memmove(&r[i], &r[i + 1], (s->n - i - 1) * sizeof *r);
@@ -99,7 +93,7 @@ wh_code wh_ring_remove(wh_engine *e, uint32_t v, uint32_t id)
 void wh_ring_replace(wh_engine *e, uint32_t v, uint32_t id, uint32_t by)
 {
 	const wh_star *s = &e->w->star[v];
-	uint32_t *r = ring_of(e, v);
+	uint32_t *r = wh_ring(e, v);
 	const uint32_t n = s->n <= WH_RING_INLINE ? WH_RING_INLINE : s->n;
 	for (uint32_t i = 0; i < n; i++)
 		r[i] = r[i] == id ? by : r[i];
@@ -244,16 +238,12 @@ static wh_code make_room(wh_engine *e)
 {
 	struct wh_simplify_work *w = e->w;
 	const wh_patch *p = e->p;
-	if ((p->nv > w->cap_star &&
-	     wh_renew(e->c, &w->star, &w->cap_star, p->nv, sizeof *w->star) != WH_OK) ||
-	    (p->nv > w->cap_mark &&
-	     wh_renew(e->c, &w->mark, &w->cap_mark, p->nv, sizeof *w->mark) != WH_OK) ||
-	    ((size_t)p->nv + 2 > w->cap_first &&
-	     wh_renew(e->c, &w->first, &w->cap_first, (size_t)p->nv + 2, sizeof *w->first) !=
-	         WH_OK) ||
-	    (3 * (size_t)p->nf > w->cap_corner &&
-	     wh_renew(e->c, &w->corner, &w->cap_corner, 3 * (size_t)p->nf, sizeof *w->corner) !=
-	         WH_OK))
+	if (wh_renew(e->c, &w->star, &w->cap_star, p->nv, sizeof *w->star) != WH_OK ||
+	    wh_renew(e->c, &w->mark, &w->cap_mark, p->nv, sizeof *w->mark) != WH_OK ||
+	    wh_renew(e->c, &w->first, &w->cap_first, (size_t)p->nv + 2, sizeof *w->first) !=
+	        WH_OK ||
+	    wh_renew(e->c, &w->corner, &w->cap_corner, 3 * (size_t)p->nf, sizeof *w->corner) !=
+	        WH_OK)
 		return e->c->err.code;
 	return WH_OK;
 }

@@ -497,11 +497,10 @@ static wh_code renew_rings(wh_engine *e, const wh_trial *t)
 
 static void renew_kept(const wh_trial *t, wh_star *kept)
 {
-	const wh_row *const face[3] = {&t->fresh.x, &t->fresh.y, &t->fresh.z};
 	kept->closed = t->closed;
 	/* the rows begin with the face before the first neighbour, which for a closed ring is that
 	 * behind the last: n entries are all faces of either */
-	wh_sum_make(&t->spoke, face, t->n, t->closed, &kept->sum);
+	wh_sum_make(&t->spoke, &t->fresh, t->n, t->closed, &kept->sum);
 	kept->guess = wh_guess(&t->spoke, t->n, &kept->sum);
 }
 

@@ -40,7 +40,7 @@ static unsigned highest_difference(const uint64_t *item, size_t n, int *sorted)
 	return shift;
 }
 
-void wh_sort(uint64_t *item, size_t n)
+static void sort(uint64_t *item, size_t n)
 {
 	if (n <= SHORT) {
 		insertion(item, n);
@@ -72,14 +72,14 @@ void wh_sort(uint64_t *item, size_t n)
 		}
 	size_t first = 0;
 	for (unsigned b = 0; shift > 0 && b < VALUES; b++) {
-		wh_sort(item + first, end[b] - first);
+		sort(item + first, end[b] - first);
 		first = end[b];
 	}
 }
 
 size_t wh_sort_unique(uint64_t *item, size_t n)
 {
-	wh_sort(item, n);
+	sort(item, n);
 	size_t kept = n > 0;
 	for (size_t i = 1; i < n; i++)
 		if (item[i] != item[kept - 1])

@@ -5,10 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Takes time in proportion to n times the bytes in which the numbers differ, and no memory. */
-void wh_sort(uint64_t *item, size_t n);
-
-/* Sorts and leaves each number once, at the front. Returns how many there are. */
+/* Sorts and leaves each number once, at the front. Returns how many there are. Takes time in
+ * proportion to n times the bytes in which the numbers differ, and no memory. */
 size_t wh_sort_unique(uint64_t *item, size_t n);
 
 #endif
