@@ -1,9 +1,11 @@
 #define _GNU_SOURCE
 #include "base/mem.h"
 
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 enum {
 	ALIGN = 64,
@@ -11,10 +13,16 @@ enum {
 	SPARE_MIB = 16 /* of a ceiling, for what the account does not see */
 };
 
+typedef enum origin {
+	FROM_LIBRARY,
+	FRESH, /* pages of the system's, zero when they were taken */
+	KEPT   /* pages of a block that was freed */
+} origin;
+
 /* Sits in the ALIGN bytes in front of every block. */
 typedef struct head {
-	size_t total;  /* bytes including this header */
-	size_t mapped; /* 1 when it came from mmap */
+	size_t total; /* bytes including this header */
+	origin origin;
 } head;
 
 _Static_assert(sizeof(head) <= ALIGN, "the header fits in front of an aligned block");
@@ -59,19 +67,128 @@ static size_t total_bytes(size_t count, size_t size)
 	return bytes + ALIGN;
 }
 
-static head *system_take(size_t total)
+/* ---- freed blocks that are kept ------------------------------------------------------------- */
+
+/* Sanitizers would not see a use of what has been freed. */
+#ifdef WH_SANITIZED
+static const uint32_t MOST_KEPT = 0;
+#else
+static const uint32_t MOST_KEPT = WH_MEM_KEPT;
+#endif
+
+static void lock(wh_mem *m)
 {
+	while (atomic_exchange_explicit(&m->busy, true, memory_order_acquire))
+		(void)sched_yield();
+}
+
+static void unlock(wh_mem *m)
+{
+	atomic_store_explicit(&m->busy, false, memory_order_release);
+}
+
+static wh_kept take_kept(wh_mem *m, uint32_t i)
+{
+	const wh_kept k = m->kept[i];
+	m->kept[i] = m->kept[--m->n_kept];
+	m->kept_bytes -= k.bytes;
+	return k;
+}
+
+/* The place of the smallest kept block of so many bytes, else of the largest of all. */
+static uint32_t best_kept(const wh_mem *m, size_t bytes)
+{
+	uint32_t best = 0;
+	for (uint32_t i = 1; i < m->n_kept; i++) {
+		const size_t b = m->kept[best].bytes, x = m->kept[i].bytes;
+		if (b < bytes ? x > b : x >= bytes && x < b)
+			best = i;
+	}
+	return best;
+}
+
+/* Gives kept blocks back until they and those held are no more than the peak, or all of them. */
+static void trim(wh_mem *m, bool all)
+{
+	lock(m);
+	while (m->n_kept &&
+	       (all || atomic_load(&m->used) + m->kept_bytes > atomic_load(&m->peak))) {
+		const wh_kept k = take_kept(m, m->n_kept - 1);
+		(void)munmap(k.at, k.bytes);
+	}
+	unlock(m);
+}
+
+static void keep(wh_mem *m, void *at, size_t bytes)
+{
+	lock(m);
+	const bool fits = m->n_kept < MOST_KEPT &&
+	                  atomic_load(&m->used) + m->kept_bytes + bytes <= atomic_load(&m->peak);
+	if (fits) {
+		m->kept[m->n_kept++] = (wh_kept){at, bytes};
+		m->kept_bytes += bytes;
+	}
+	unlock(m);
+	if (!fits)
+		(void)munmap(at, bytes);
+}
+
+/* A kept block, cut or grown to whole pages of so many bytes; NULL: there is none. */
+static void *reuse(wh_mem *m, size_t bytes)
+{
+	lock(m);
+	const wh_kept k = m->n_kept ? take_kept(m, best_kept(m, bytes)) : (wh_kept){NULL, 0};
+	unlock(m);
+	if (!k.at || k.bytes == bytes)
+		return k.at;
+	if (k.bytes > bytes) {
+		keep(m, (char *)k.at + bytes, k.bytes - bytes);
+		return k.at;
+	}
+	void *p = mremap(k.at, k.bytes, bytes, MREMAP_MAYMOVE);
+	if (p != MAP_FAILED)
+		return p;
+	(void)munmap(k.at, k.bytes);
+	return NULL;
+}
+
+/* ---- blocks --------------------------------------------------------------------------------- */
+
+static size_t whole_pages(size_t bytes)
+{
+	const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+	return (bytes + page - 1) / page * page;
+}
+
+static void *map(wh_mem *m, size_t bytes)
+{
+	void *p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+	if (p != MAP_FAILED)
+		return p;
+	trim(m, true);
+	p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+	return p == MAP_FAILED ? NULL : p;
+}
+
+/* A block that the account has room for. */
+static head *take(wh_mem *m, size_t total)
+{
+	head *h;
 	if (total < MAP_FROM) {
-		head *h = aligned_alloc(ALIGN, (total + ALIGN - 1) / ALIGN * ALIGN);
+		h = aligned_alloc(ALIGN, (total + ALIGN - 1) / ALIGN * ALIGN);
 		if (h)
-			h->mapped = 0;
+			h->origin = FROM_LIBRARY;
 		return h;
 	}
-	void *p = mmap(NULL, total, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-	if (p == MAP_FAILED)
-		return NULL;
-	head *h = p;
-	h->mapped = 1;
+	h = reuse(m, whole_pages(total));
+	if (h) {
+		h->origin = KEPT;
+		return h;
+	}
+	trim(m, false);
+	h = map(m, whole_pages(total));
+	if (h)
+		h->origin = FRESH;
 	return h;
 }
 
@@ -80,7 +197,7 @@ void *wh_alloc(wh_ctx *c, size_t count, size_t size)
 	const size_t total = total_bytes(count, size);
 	if (total == 0 || !account_take(c->mem, total))
 		return refuse(c, total ? total : SIZE_MAX);
-	head *h = system_take(total);
+	head *h = take(c->mem, total);
 	if (!h) {
 		atomic_fetch_sub(&c->mem->used, total);
 		return refuse(c, total);
@@ -92,7 +209,7 @@ void *wh_alloc(wh_ctx *c, size_t count, size_t size)
 void *wh_calloc(wh_ctx *c, size_t count, size_t size)
 {
 	void *p = wh_alloc(c, count, size);
-	if (p && !head_of(p)->mapped) /* fresh mappings are zero already */
+	if (p && head_of(p)->origin != FRESH) /* fresh pages are zero already */
 		memset(p, 0, head_of(p)->total - ALIGN);
 	return p;
 }
@@ -106,10 +223,11 @@ void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size)
 	const size_t total = total_bytes(count, size);
 	if (total == 0)
 		return refuse(c, SIZE_MAX);
-	if (h->mapped && total >= MAP_FROM) {
+	if (h->origin != FROM_LIBRARY && total >= MAP_FROM) {
 		if (total > old && !account_take(c->mem, total - old))
 			return refuse(c, total - old);
-		void *p = mremap(h, old, total, MREMAP_MAYMOVE);
+		trim(c->mem, false);
+		void *p = mremap(h, whole_pages(old), whole_pages(total), MREMAP_MAYMOVE);
 		if (p == MAP_FAILED) {
 			if (total > old)
 				atomic_fetch_sub(&c->mem->used, total - old);
@@ -135,11 +253,13 @@ void wh_free(wh_ctx *c, void *block)
 		return;
 	head *h = head_of(block);
 	const size_t total = h->total;
-	if (h->mapped)
-		(void)munmap(h, total);
-	else
+	const bool was_last = atomic_fetch_sub(&c->mem->used, total) == total;
+	if (h->origin == FROM_LIBRARY)
 		free(h);
-	atomic_fetch_sub(&c->mem->used, total);
+	else
+		keep(c->mem, h, whole_pages(total));
+	if (was_last)
+		trim(c->mem, true);
 }
 
 wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size)

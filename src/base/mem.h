@@ -1,9 +1,11 @@
 /*
  * mem: all of whittle's memory, counted against one account.
  *
- * Blocks of 128 KiB and more come straight from the system, so that freeing them gives them
- * back and peak RSS can be predicted; smaller ones come from the C library. Every block is
- * aligned to 64 bytes. Sizes are checked for overflow. Thread-safe.
+ * Blocks of 128 KiB and more come straight from the system; smaller ones from the C library. A
+ * large block that is freed is kept for the next one, as fresh pages cost more than most work that
+ * is done in them, but never so that held and kept blocks together exceed the account's peak: peak
+ * RSS can be predicted as if all went back. Everything has gone back when nothing is held. Every
+ * block is aligned to 64 bytes. Sizes are checked for overflow. Thread-safe.
  */
 #ifndef WH_BASE_MEM_H
 #define WH_BASE_MEM_H
@@ -12,12 +14,24 @@
 
 #include <stdatomic.h>
 
+enum { WH_MEM_KEPT = 64 };
+
+/* A freed block of the system's. */
+typedef struct wh_kept {
+	void *at;
+	size_t bytes;
+} wh_kept;
+
 typedef struct wh_mem {
 	_Atomic size_t used; /* bytes held now */
 	_Atomic size_t peak; /* most bytes held at any time */
 	size_t limit;        /* refuse to hold more than this; 0 = no limit */
 	_Atomic long
-	    fail_after; /* tests: when > 0, counts down; the request that reaches 0 fails */
+	    fail_after;    /* tests: when > 0, counts down; the request that reaches 0 fails */
+	_Atomic bool busy; /* guards what follows */
+	size_t kept_bytes;
+	uint32_t n_kept;
+	wh_kept kept[WH_MEM_KEPT];
 } wh_mem;
 
 /* count * size bytes, uninitialised. NULL, with the failure recorded, when refused or

@@ -1,8 +1,11 @@
 #include "geom/kdtree.h"
 
-#include <stdlib.h>
+#include <math.h>
 
-enum { PROBES = 257 }; /* points looked at to choose an axis */
+enum {
+	PROBES = 257, /* points looked at to choose an axis */
+	PLACES = 64   /* places tried for a cut that keeps away from others' points */
+};
 
 /* Within so large a share of a node's points a cut is moved to keep away from others. */
 static const double SHIFT = 0.02;
@@ -23,12 +26,6 @@ typedef struct clearing {
 static double axis_of(const wh_kdpoint *p, uint32_t axis)
 {
 	return wh_kd_axis(&p->pos, p->id, axis);
-}
-
-static int compare_double(const void *a, const void *b)
-{
-	const double x = *(const double *)a, y = *(const double *)b;
-	return (x > y) - (x < y);
 }
 
 /* Value of a rank among n values, which are reordered (as select_rank, below). */
@@ -230,21 +227,26 @@ static size_t choose_cut(const builder *b, wh_kdpoint *point, size_t n, uint32_t
 	return rank;
 }
 
-/* The middle of the widest gap between `lo`, the n coordinates in b->clear, and `hi`. */
-static double widest_gap(const builder *b, size_t n, double lo, double hi)
+/*
+ * The place between lo and hi that is clearest of n coordinates: where the sum of 1 / (d + w)^2 is
+ * least, d being the distance of one of them and w half the step between the places that are tried.
+ * Of a few it is far from each; of many it is where they are sparse.
+ */
+static double clearest(const double *x, size_t n, double lo, double hi)
 {
-	double best = lo, width = -1, last = lo;
-	qsort(b->clear, n, sizeof *b->clear, compare_double);
-	for (size_t i = 0; i <= n; i++) {
-		const double next = i < n ? b->clear[i] : hi;
-		if (next < lo || last > hi)
-			continue;
-		const double from = fmax(last, lo), to = fmin(next, hi);
-		if (to - from > width) {
-			width = to - from;
-			best = from + width / 2;
+	const double step = (hi - lo) / PLACES;
+	double best = lo, least = INFINITY;
+	for (int i = 0; i <= PLACES && step > 0; i++) {
+		const double at = lo + i * step;
+		double sum = 0;
+		for (size_t k = 0; k < n; k++) {
+			const double d = fabs(x[k] - at) / step + 0.5;
+			sum += 1 / (d * d);
 		}
-		last = next;
+		if (sum < least) {
+			least = sum;
+			best = at;
+		}
 	}
 	return best;
 }
@@ -261,9 +263,16 @@ static size_t keep_away(const builder *b, wh_kdpoint *point, size_t n, size_t be
 	const double lo = axis_of(&point[below - shift], node->axis);
 	select_rank(point, n, below + shift, node->axis);
 	const double hi = axis_of(&point[below + shift], node->axis);
-	for (size_t i = 0; i < c->n; i++)
-		b->clear[i] = wh_kd_axis(&c->point[i], 0, node->axis);
-	node->cut = widest_gap(b, c->n, lo, hi);
+	const double beside = (hi - lo) / 8;
+	size_t near = 0;
+	for (size_t i = 0; i < c->n; i++) {
+		const double x = wh_kd_axis(&c->point[i], 0, node->axis);
+		if (x >= lo - beside && x <= hi + beside)
+			b->clear[near++] = x;
+	}
+	if (near == 0)
+		return part_points(point, n, node->axis, node->cut);
+	node->cut = clearest(b->clear, near, lo, hi);
 	return part_points(point, n, node->axis, node->cut);
 }
 

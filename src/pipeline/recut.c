@@ -22,7 +22,8 @@
 enum {
 	SAMPLE = 256 * 1024,
 	VISITS = 256 * 1024,     /* held in memory */
-	NEVERS = 64 * 1024,      /* vertices that never were free: kept away from, and counted */
+	AVOIDS = 64 * 1024,      /* places kept away from */
+	NEVERS = 64 * 1024,      /* vertices that never were free: counted */
 	PIECE = 8 * 1024,        /* answers read at once */
 	BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster */
 	BUFFER_MOST = 64 * 1024
@@ -52,8 +53,8 @@ typedef struct recut {
 	wh_kdpoint *sample;
 	size_t samples;
 	const wh_recut_params *params;
-	wh_vec3 *never; /* places of vertices that were cut in every round */
-	size_t nevers, never_cap;
+	wh_vec3 *avoid; /* places that the new cuts keep away from */
+	size_t avoids, avoid_cap;
 	uint64_t *still; /* ids of those that are cut again */
 	size_t stills, still_cap;
 	uint64_t stride, passed; /* every stride-th vertex is in the sample */
@@ -109,20 +110,34 @@ static wh_code sample_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_store_load(c, r->from, (uint32_t)index, &h->scratch, &h->patch);
 }
 
+/* New cuts should not run along the old ones: they keep away from a sample of the old cut vertices,
+ * or, where every vertex is to become free, from all those that never were. */
+static bool keeps_away_from(const recut *r, uint8_t flag, bool sampled)
+{
+	return r->params->free_all ? flag & WH_NEVER : sampled && flag & WH_CUT;
+}
+
+static wh_code avoid(wh_ctx *c, recut *r, wh_vec3 place)
+{
+	if (r->avoids == AVOIDS)
+		return WH_OK;
+	if (wh_reserve(c, &r->avoid, &r->avoid_cap, r->avoids + 1, sizeof *r->avoid) != WH_OK)
+		return c->err.code;
+	r->avoid[r->avoids++] = place;
+	return WH_OK;
+}
+
 static wh_code sample_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	recut *r = arg;
 	const wh_patch *p = &r->hands[worker].patch;
 	for (uint32_t v = 0; v < p->nv; v++) {
-		if (r->passed++ % r->stride == 0)
+		const bool sampled = r->passed++ % r->stride == 0;
+		if (sampled)
 			r->sample[r->samples++] = (wh_kdpoint){p->pos[v], (double)p->gid[v]};
-		if (!r->params->free_all || !(p->flag[v] & WH_NEVER) || r->nevers == NEVERS)
-			continue;
-		if (wh_reserve(c, &r->never, &r->never_cap, r->nevers + 1, sizeof *r->never) !=
-		    WH_OK)
+		if (keeps_away_from(r, p->flag[v], sampled) && avoid(c, r, p->pos[v]) != WH_OK)
 			return c->err.code;
-		r->never[r->nevers++] = p->pos[v];
 	}
 	if (p->nv && p->gid[p->nv - 1] >= r->ids)
 		r->ids = p->gid[p->nv - 1] + 1;
@@ -147,12 +162,12 @@ static wh_code build_tree(wh_ctx *c, const wh_exec *ex, recut *r, uint64_t verti
 	if (!r->sample ||
 	    wh_exec_ordered(c, ex, r->from->clusters, sample_job, sample_commit, r) != WH_OK ||
 	    wh_kdtree_build_clear(c, &r->tree, r->sample, r->samples, r->to->clusters,
-	                          r->params->skew, r->never, r->nevers) != WH_OK)
+	                          r->params->skew, r->avoid, r->avoids) != WH_OK)
 		return c->err.code;
 	wh_free(c, r->sample);
-	wh_free(c, r->never);
+	wh_free(c, r->avoid);
 	r->sample = NULL;
-	r->never = NULL;
+	r->avoid = NULL;
 	return WH_OK;
 }
 
@@ -445,7 +460,7 @@ static size_t always_bytes(const wh_store *from, uint32_t clusters)
 static size_t stage_bytes(uint64_t vertices, uint32_t clusters, size_t buffer)
 {
 	return larger(sample_size(vertices) * sizeof(wh_kdpoint) +
-	                  3 * (size_t)NEVERS * sizeof(wh_vec3),
+	                  3 * (size_t)AVOIDS * sizeof(wh_vec3),
 	              wh_visits_bytes(VISITS) + 3 * (size_t)NEVERS * sizeof(uint64_t) +
 	                  wh_dispatch_bytes(clusters, buffer));
 }
@@ -502,7 +517,7 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	wh_free(c, r.answer);
 	wh_free(c, r.answered);
 	wh_free(c, r.sample);
-	wh_free(c, r.never);
+	wh_free(c, r.avoid);
 	wh_free(c, r.still);
 	wh_kdtree_free(c, &r.tree);
 	hands_free(c, &r, ex->workers);
