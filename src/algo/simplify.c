@@ -136,9 +136,22 @@ static void note_collapse(wh_engine *e, const wh_trial *t, double err)
 	}
 }
 
+static wh_code tell(const wh_engine *e, const wh_trial *t, double err)
+{
+	const wh_collapse_sink *sink = e->params->sink;
+	const wh_collapse r = {.u = t->u,
+	                       .v = t->v,
+	                       .at = t->x,
+	                       .cost = t->cost,
+	                       .weight = t->weight,
+	                       .err = (float)err,
+	                       .faces = t->nshared};
+	return sink ? sink->put(e->c, sink->to, &r) : WH_OK;
+}
+
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
-	if (wh_trial_commit(e, t) != WH_OK)
+	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;
 	e->faces -= t->nshared;

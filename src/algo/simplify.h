@@ -7,7 +7,7 @@
 #ifndef WH_ALGO_SIMPLIFY_H
 #define WH_ALGO_SIMPLIFY_H
 
-#include "mesh/patch.h"
+#include "mesh/collapse.h"
 
 /* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. */
 enum { WH_LOG_MANTISSA = 4, WH_LOG_BINS = 2048 << WH_LOG_MANTISSA };
@@ -33,6 +33,8 @@ typedef struct wh_simplify_params {
 	wh_cost_log *log;  /* is added to; NULL: no log */
 	bool log_in_order; /* a collapse counts at the highest cost so far, not at its own: the
 	                      collapses below a bin are the first ones of the run */
+	const wh_collapse_sink
+	    *sink; /* gets every collapse, where `insist` is not set; NULL: nobody */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

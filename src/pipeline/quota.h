@@ -3,9 +3,8 @@
  *
  * Every cluster is reduced once on trial and its collapses are logged. All collapses are then put
  * into one order, by (cost, cluster, place in the cluster's own order), and cut where the count is
- * reached: what lies before the cut is, for every cluster, the beginning of its own run, and the
- * engine, which does the same again when it is asked again, can be stopped there. Costs count by
- * the bins of the log, within 4.4 % of each other.
+ * reached: what lies before the cut is, for every cluster, the beginning of its own run, which can
+ * be done again. Costs count by the bins of the log, within 4.4 % of each other.
  *
  * Memory: twelve bytes for each bin that a cluster has collapses in, some hundreds.
  */

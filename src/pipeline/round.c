@@ -1,6 +1,7 @@
 #include "pipeline/round.h"
 
 #include "pipeline/hand.h"
+#include "pipeline/rerun.h"
 
 #include <string.h>
 
@@ -140,7 +141,8 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_cluster_bytes(nv, nf);
+	return wh_store_scratch_bytes(store, nv, nf) + wh_cluster_bytes(nv, nf) +
+	       wh_rerun_bytes(nv);
 }
 
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)

@@ -2,6 +2,7 @@
 
 #include "pipeline/hand.h"
 #include "pipeline/quota.h"
+#include "pipeline/rerun.h"
 
 #include <string.h>
 
@@ -11,8 +12,9 @@ typedef struct settle {
 	wh_progress *progress;
 	const wh_settle_params *params;
 	wh_hand *hands;
-	wh_cost_log *scratch; /* one for each worker */
-	wh_quota_log *log;    /* one for each cluster, as are those below */
+	wh_cost_log *scratch; /* one for each worker, as are those above and below */
+	wh_rerun *rerun;
+	wh_quota_log *log; /* one for each cluster, as are those below */
 	wh_quota *share;
 	wh_round_result *part;
 	bool *open; /* the cluster has boundary edges */
@@ -32,8 +34,14 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	wh_cluster_params p = {.all = s->params->all};
 	p.all.log = log;
 	p.all.log_in_order = true;
+	wh_rerun *rerun = &s->rerun[worker];
+	const wh_collapse_sink sink = {wh_rerun_put, rerun};
+	p.all.sink = &sink;
 	wh_simplify_result done;
-	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &done) != WH_OK)
+	if (wh_rerun_begin(c, rerun, s->from->spill, (uint32_t)index) != WH_OK)
+		return c->err.code;
+	const wh_code code = wh_cluster_reduce(c, h->work, &h->patch, &p, &done);
+	if (wh_rerun_end(c, rerun, code) != WH_OK)
 		return c->err.code;
 	s->open[index] = done.border > 0;
 	wh_progress_add(s->progress, before);
@@ -50,11 +58,9 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
-	wh_cluster_params p = {.all = s->params->all};
-	p.all.target_faces = before - (uint32_t)s->share[index].faces;
-	p.all.target_vertices = h->patch.nv - (uint32_t)s->share[index].vertices;
-	p.all.no_overshoot = true;
-	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &out->work) != WH_OK ||
+	const wh_rerun_limit share = {s->share[index].faces, s->share[index].vertices};
+	if (wh_rerun_perform(c, &s->rerun[worker], s->from->spill, (uint32_t)index, share,
+	                     &h->patch, &out->work) != WH_OK ||
 	    wh_store_save(c, s->to, (uint32_t)index, &h->patch) != WH_OK)
 		return c->err.code;
 	out->unreferenced = h->scratch.unreferenced;
@@ -152,6 +158,7 @@ static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t max
 	const uint32_t n = s->from->clusters;
 	s->hands = wh_hands_make(c, ex->workers, s->from, max_v, max_f);
 	s->scratch = wh_alloc(c, (size_t)ex->workers, sizeof *s->scratch);
+	s->rerun = wh_calloc(c, (size_t)ex->workers, sizeof *s->rerun);
 	s->log = wh_calloc(c, n, sizeof *s->log);
 	s->share = wh_calloc(c, n, sizeof *s->share);
 	s->part = wh_calloc(c, n, sizeof *s->part);
@@ -163,6 +170,9 @@ static void settle_close(wh_ctx *c, const wh_exec *ex, settle *s)
 {
 	for (uint32_t k = 0; s->log && k < s->from->clusters; k++)
 		wh_free(c, s->log[k].item);
+	for (int i = 0; s->rerun && i < ex->workers; i++)
+		wh_rerun_free(c, &s->rerun[i]);
+	wh_free(c, s->rerun);
 	wh_free(c, s->open);
 	wh_free(c, s->part);
 	wh_free(c, s->share);

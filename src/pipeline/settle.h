@@ -3,8 +3,8 @@
  * for meshes too large for one last pass in memory.
  *
  * Every cluster is reduced on trial, its collapses are logged, and a common cut through all logs
- * says where each cluster has to stop (pipeline/quota.h). Then every cluster is reduced again, to
- * there.
+ * says where each cluster has to stop (pipeline/quota.h). Then the collapses up to there are done
+ * again (pipeline/rerun.h).
  */
 #ifndef WH_PIPELINE_SETTLE_H
 #define WH_PIPELINE_SETTLE_H

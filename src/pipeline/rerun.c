@@ -1,0 +1,127 @@
+#include "pipeline/rerun.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+typedef char file_name[32];
+
+static void name_of(uint32_t k, file_name name)
+{
+	(void)snprintf(name, sizeof(file_name), "collapses-%u", k);
+}
+
+static wh_code make_room(wh_ctx *c, wh_rerun *r)
+{
+	return wh_renew(c, &r->buf, &r->cap, WH_RERUN_BUFFER, sizeof *r->buf);
+}
+
+wh_code wh_rerun_begin(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k)
+{
+	file_name name;
+	name_of(k, name);
+	if (make_room(c, r) != WH_OK)
+		return c->err.code;
+	r->spill = spill;
+	r->used = 0;
+	r->off = 0;
+	r->fd = wh_spill_create(c, spill, name);
+	return r->fd >= 0 ? WH_OK : wh_failed(c);
+}
+
+static wh_code flush(wh_ctx *c, wh_rerun *r)
+{
+	const size_t n = r->used * sizeof *r->buf;
+	const uint64_t at = r->off;
+	r->used = 0;
+	r->off += n;
+	return wh_spill_pwrite(c, r->spill, r->fd, r->buf, n, at);
+}
+
+wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one)
+{
+	wh_rerun *r = to;
+	r->buf[r->used++] = *one;
+	return r->used < WH_RERUN_BUFFER ? WH_OK : flush(c, r);
+}
+
+wh_code wh_rerun_end(wh_ctx *c, wh_rerun *r, wh_code code)
+{
+	if (code == WH_OK)
+		code = flush(c, r);
+	(void)close(r->fd);
+	return code;
+}
+
+/* Reads what comes next into the buffer. */
+static wh_code fill(wh_ctx *c, wh_rerun *r, uint64_t size)
+{
+	const uint64_t left = (size - r->off) / sizeof *r->buf;
+	r->used = left < WH_RERUN_BUFFER ? (uint32_t)left : WH_RERUN_BUFFER;
+	const uint64_t at = r->off;
+	r->off += r->used * sizeof *r->buf;
+	return wh_spill_pread(c, r->spill, r->fd, r->buf, r->used * sizeof *r->buf, at);
+}
+
+static void note(wh_simplify_result *result, const wh_collapse *one)
+{
+	result->collapses++;
+	result->highest_err = fmax(result->highest_err, (double)one->err);
+	if (one->cost > result->highest_cost) {
+		result->highest_cost = one->cost;
+		result->cost_distance = sqrt(one->cost / one->weight);
+	}
+}
+
+static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit limit, wh_patch *p,
+                       wh_simplify_result *result)
+{
+	while (limit.faces && limit.collapses && r->off < size) {
+		if (wh_poll(c) != WH_OK || fill(c, r, size) != WH_OK)
+			return c->err.code;
+		for (uint32_t i = 0; i < r->used && limit.collapses; i++) {
+			const wh_collapse *one = &r->buf[i];
+			if (one->faces > limit.faces)
+				return WH_OK;
+			wh_replay(p, r->into, one);
+			note(result, one);
+			limit.faces -= one->faces;
+			limit.collapses--;
+		}
+	}
+	return WH_OK;
+}
+
+wh_code wh_rerun_perform(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k, wh_rerun_limit limit,
+                         wh_patch *p, wh_simplify_result *result)
+{
+	file_name name;
+	struct stat st;
+	name_of(k, name);
+	*result = (wh_simplify_result){0};
+	if (make_room(c, r) != WH_OK ||
+	    wh_renew(c, &r->into, &r->cap_into, p->nv, sizeof *r->into) != WH_OK)
+		return c->err.code;
+	r->spill = spill;
+	r->off = 0;
+	r->fd = wh_spill_read(c, spill, name);
+	if (r->fd < 0)
+		return wh_failed(c);
+	wh_replay_begin(p, r->into);
+	wh_code code =
+	    fstat(r->fd, &st) == 0 ? WH_OK : wh_fail_errno(c, "cannot look at '%s'", name);
+	if (code == WH_OK)
+		code = perform(c, r, (uint64_t)st.st_size, limit, p, result);
+	(void)close(r->fd);
+	wh_replay_end(p, r->into);
+	wh_spill_remove(spill, name);
+	return code;
+}
+
+void wh_rerun_free(wh_ctx *c, wh_rerun *r)
+{
+	wh_free(c, r->buf);
+	wh_free(c, r->into);
+	*r = (wh_rerun){0};
+}
