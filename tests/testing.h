@@ -23,10 +23,11 @@ static inline void testing_init(testing_env *t)
 	t->ctx.mem = &t->mem;
 }
 
-/* Fails the test when any block of the account was not freed. */
+/* Fails the test when any block of the account was not freed, or not given back. */
 static inline void testing_done(testing_env *t)
 {
 	assert_int_equal((size_t)t->mem.used, 0);
+	assert_int_equal(t->mem.kept_bytes, 0);
 }
 
 #endif

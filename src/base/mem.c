@@ -145,6 +145,7 @@ static void *reuse(wh_mem *m, size_t bytes)
 		keep(m, (char *)k.at + bytes, k.bytes - bytes);
 		return k.at;
 	}
+	trim(m, false);
 	void *p = mremap(k.at, k.bytes, bytes, MREMAP_MAYMOVE);
 	if (p != MAP_FAILED)
 		return p;
@@ -260,6 +261,11 @@ void wh_free(wh_ctx *c, void *block)
 		keep(c->mem, h, whole_pages(total));
 	if (was_last)
 		trim(c->mem, true);
+}
+
+void wh_mem_trim(wh_ctx *c)
+{
+	trim(c->mem, true);
 }
 
 wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size)

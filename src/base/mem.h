@@ -47,6 +47,9 @@ void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size);
 /* Frees a block of wh_alloc and friends; NULL is allowed. */
 void wh_free(wh_ctx *c, void *block);
 
+/* Gives the kept blocks back: before a stage that has no use for blocks of their sizes. */
+void wh_mem_trim(wh_ctx *c);
+
 /* Makes room for at least `need` elements in a growing array: doubles *cap when it is too small.
  * Returns WH_OK or the recorded failure; the array stays valid either way. */
 wh_code wh_reserve(wh_ctx *c, void *array_ptr, size_t *cap, size_t need, size_t size);

@@ -113,7 +113,10 @@ static wh_code ingest_once(wh_run *r)
 	wh_ingest_params p = {.clusters = r->plan.clusters, .cuts = r->seams ? &r->cuts : NULL};
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
-	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
+	const wh_code code =
+	    wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
+	wh_mem_trim(r->c);
+	return code;
 }
 
 static void count_input_reads(wh_run *r)
