@@ -13,6 +13,7 @@
 #include "algo/simplify_engine.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 /* A boundary edge e swept along d weighs 4 |e| |e x d|^2. Lindstrom & Turk's two terms at equal
@@ -71,11 +72,33 @@ INLINE void cross(const half d[3], const half e[3], half n[3])
 	n[2] = d[0] * e[1] - d[1] * e[0];
 }
 
-/* The neighbours of a block and one more; behind the last one of a closed ring comes the first
- * again, and then the hub, whose faces are nothing. */
+typedef uint32_t eight __attribute__((vector_size(32)));
+
+/* The first eight neighbours and one more; behind the last one of a closed ring comes the first
+ * again, and then the hub, whose faces are nothing. Nothing here is left to be predicted: how many
+ * neighbours a vertex has follows no pattern. */
+INLINE void find_few(const wh_star *star, const uint32_t *ring, const wh_star *hub,
+                     const wh_star *s[WH_LANES + 1])
+{
+	const eight lane = {0, 1, 2, 3, 4, 5, 6, 7};
+	const uint32_t self = (uint32_t)(hub - star), again = hub->closed ? ring[0] : self;
+	eight id;
+	memcpy(&id, ring, sizeof id);
+	const eight in = (eight)(lane < hub->n), end = (eight)(lane == hub->n);
+	id = (id & in) | (again & end) | (self & ~(in | end));
+	for (size_t i = 0; i < WH_LANES; i++)
+		s[i] = &star[id[i]];
+	s[WH_LANES] = &star[hub->n == WH_LANES ? again : self];
+}
+
+/* The same for any block of neighbours. */
 INLINE void find_block(const wh_star *star, const uint32_t *ring, const wh_star *hub, uint32_t from,
                        const wh_star *s[WH_LANES + 1])
 {
+	if (hub->n <= WH_LANES) {
+		find_few(star, ring, hub, s);
+		return;
+	}
 	for (uint32_t i = 0; i <= WH_LANES; i++) {
 		const uint32_t k = from + i;
 		s[i] = k < hub->n                   ? &star[ring[k]]
@@ -270,6 +293,103 @@ void wh_sum_make(const wh_rows3 *to, const wh_rows3 *face, uint32_t n, bool clos
 	sum_boundary_edge(s, to->x.at[n - 1], to->y.at[n - 1], to->z.at[n - 1]);
 }
 
+/* ---- sums of all vertices at once --------------------------------------------------------- */
+
+/* Corner k of eight faces. */
+INLINE void find_corners(const wh_star *star, const uint32_t *tri, size_t k,
+                         const wh_star *s[WH_LANES])
+{
+	for (size_t i = 0; i < WH_LANES; i++)
+		s[i] = &star[tri[3 * i + k]];
+}
+
+/* Adds the terms of four faces, which come one term of all four at a time, to those of one of their
+ * corners. */
+INLINE void add_terms(wh_star *star, const uint32_t *corner, const half r[9])
+{
+	half middle[4], last[4];
+	const half tail[4] = {r[5], r[6], r[7], r[8]};
+	transpose(&r[1], middle);
+	transpose(tail, last);
+	for (size_t i = 0; i < 4; i++) {
+		wh_vertex_sum *s = &star[corner[3 * i]].sum;
+		half a, b;
+		memcpy(&a, &s->xy, sizeof a);
+		memcpy(&b, &s->zz, sizeof b);
+		a += middle[i];
+		b += last[i];
+		s->xx += r[0][i];
+		memcpy(&s->xy, &a, sizeof a);
+		memcpy(&s->zz, &b, sizeof b);
+	}
+}
+
+_Static_assert(offsetof(wh_vertex_sum, zz) == 5 * sizeof(double) &&
+                   offsetof(wh_vertex_sum, n.z) == 8 * sizeof(double),
+               "the terms of a sum are in the order of add_terms");
+
+/* The nine terms of four faces. */
+INLINE void find_terms(const half n[3], half r[9])
+{
+	const half n2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+	half w;
+	for (int i = 0; i < 4; i++)
+		w[i] = wh_face_weight(n2[i]);
+	const half wx = w * n[0], wy = w * n[1], wz = w * n[2];
+	r[0] = wx * n[0];
+	r[1] = wx * n[1];
+	r[2] = wx * n[2];
+	r[3] = wy * n[1];
+	r[4] = wy * n[2];
+	r[5] = wz * n[2];
+	r[6] = n[0];
+	r[7] = n[1];
+	r[8] = n[2];
+}
+
+/* Adds what eight faces give to the sums of their corners, faces in their order. */
+INLINE void add_faces(wh_star *star, const uint32_t *tri)
+{
+	const wh_star *s[WH_LANES];
+	half lo[3][4], hi[3][4], n[3], r[9];
+	for (size_t k = 0; k < 3; k++) {
+		find_corners(star, tri, k, s);
+		take_four(s, 0, lo[k], hi[k]);
+	}
+	for (size_t h = 0; h < 2; h++) {
+		const half *a = h ? hi[0] : lo[0], *b = h ? hi[1] : lo[1], *d = h ? hi[2] : lo[2];
+		const half e[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+		const half g[3] = {d[0] - a[0], d[1] - a[1], d[2] - a[2]};
+		cross(e, g, n);
+		find_terms(n, r);
+		for (size_t k = 0; k < 3; k++)
+			add_terms(star, &tri[12 * h + k], r);
+	}
+}
+
+WH_VECTOR_CLONES static void add_all_faces(wh_star *star, const uint32_t *tri, size_t nf)
+{
+	for (size_t f = 0; f + WH_LANES <= nf; f += WH_LANES)
+		add_faces(star, &tri[3 * f]);
+}
+
+/* The faces that are left over, filled up with one that is a point. */
+static void add_last_faces(wh_star *star, const uint32_t *tri, size_t nf)
+{
+	uint32_t full[3 * WH_LANES];
+	for (size_t i = 0; i < 3 * WH_LANES; i++)
+		full[i] = i < 3 * nf ? tri[i] : tri[0];
+	add_all_faces(star, full, WH_LANES);
+}
+
+void wh_stars_sum(wh_star *star, const uint32_t *tri, size_t nf)
+{
+	const size_t blocks = nf / WH_LANES * WH_LANES;
+	add_all_faces(star, tri, blocks);
+	if (blocks < nf)
+		add_last_faces(star, &tri[3 * blocks], nf - blocks);
+}
+
 /* ---- evaluation --------------------------------------------------------------------------- */
 
 /* A symmetric matrix. */
@@ -365,7 +485,8 @@ WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			y.y = near ? y.y : middle.y;
 			y.z = near ? y.z : middle.z;
 			y = wh_add(y, wh_scale(wh_sub(e, y), f->locked.at[i]));
-			const double trace = h.xx + h.yy + h.zz;
+			/* of faces that are hardly there, rounding errors are left */
+			const double rest = h.xx + h.yy + h.zz, trace = rest > 0 ? rest : 0.0;
 			const double cost = form(h, y) - 2.0 * wh_dot(y, be) + wh_dot(e, be);
 			f->place.x.at[i] = y.x;
 			f->place.y.at[i] = y.y;
@@ -406,6 +527,37 @@ double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum)
 	for (uint32_t i = 0; i < n; i++)
 		least = cost.at[i] < least ? cost.at[i] : least;
 	return least;
+}
+
+/* Neighbours' positions from the hub. */
+WH_VECTOR_CLONES static void take_spokes(const wh_star *restrict star,
+                                         const uint32_t *restrict ring, const wh_star *restrict hub,
+                                         wh_rows3 *restrict to)
+{
+	double *const rows[3] = {to->x.at, to->y.at, to->z.at};
+	const double centre[3] = {hub->pos.x, hub->pos.y, hub->pos.z};
+	for (uint32_t b = 0; b < hub->n; b += WH_LANES) {
+		const wh_star *s[WH_LANES + 1];
+		half lo[4], hi[4];
+		find_block(star, ring, hub, b, s);
+		take_four(s, 0, lo, hi);
+		for (int k = 0; k < 3; k++) {
+			lo[k] -= centre[k];
+			hi[k] -= centre[k];
+			store(rows[k] + b, &lo[k], &hi[k]);
+		}
+	}
+}
+
+void wh_star_guess(wh_engine *e, uint32_t v)
+{
+	wh_star *s = &e->w->star[v];
+	wh_rows3 *to = &e->w->fan.to;
+	take_spokes(e->w->star, wh_ring(e, v), s, to);
+	if (!s->closed)
+		for (uint32_t i = 0; i < s->n; i += s->n - 1)
+			sum_boundary_edge(&s->sum, to->x.at[i], to->y.at[i], to->z.at[i]);
+	s->guess = wh_guess(to, s->n, &s->sum);
 }
 
 void wh_star_renew(wh_engine *e, uint32_t v)

@@ -1,5 +1,5 @@
 /*
- * simplify_engine: what the files of the engine share; nobody else includes it.
+ * simplify_engine: what the files of the engine share; nobody else includes it but tests.
  *
  *     simplify.c       the queue loop: from vertices in the queue to collapses
  *     star.c           stars: the vertices and, in order, who is around them
@@ -205,6 +205,13 @@ void wh_sum_make(const wh_rows3 *to, const wh_rows3 *face, uint32_t n, bool clos
 /* What the cheapest collapse of a vertex may cost, judged by what is around it alone: the cost of
  * moving it to a neighbour. The truth is mostly between a thirtieth and the whole of that. */
 double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum);
+
+/* Adds to the sums of vertices what these faces are to their corners, boundary terms left out. */
+void wh_stars_sum(wh_star *star, const uint32_t *tri, size_t nf);
+
+/* Adds its boundary terms to the sum of the free vertex v, and makes its guess. The workspace's fan
+ * is lost. */
+void wh_star_guess(wh_engine *e, uint32_t v);
 
 /* Sum and guess of the free vertex v. The workspace's fan is lost. */
 void wh_star_renew(wh_engine *e, uint32_t v);

@@ -176,6 +176,44 @@ static uint32_t walk(struct wh_simplify_work *w, steps *s, uint32_t i, bool clos
 	}
 }
 
+enum { FEW = 8 };
+typedef uint32_t four __attribute__((vector_size(4 * sizeof(uint32_t))));
+
+/* Of each of up to eight steps, one more than the place of the step that starts where it ends; 0:
+ * no step does. Where two do it may be the place of neither. */
+static void find_next(const steps *s, uint32_t next[FEW])
+{
+	four b[2], at[2] = {{0}, {0}};
+	memcpy(b, s->b, sizeof b);
+	for (uint32_t i = 0; i < FEW; i++) {
+		at[0] |= (four)(b[0] == s->a[i]) & (i + 1);
+		at[1] |= (four)(b[1] == s->a[i]) & (i + 1);
+	}
+	memcpy(next, at, sizeof at);
+}
+
+/* Most vertices are like this: inside, with few faces. True when the steps are one cycle through
+ * all neighbours, which is the ring then. */
+static bool walk_few(steps *s)
+{
+	uint32_t next[FEW], i = 0;
+	if (s->n < 3 || s->n > FEW)
+		return false;
+	for (uint32_t k = s->n; k < FEW; k++) {
+		s->a[k] = WH_NONE;
+		s->b[k] = WH_NONE - 1;
+	}
+	find_next(s, next);
+	for (uint32_t k = 0; k < s->n; k++) {
+		s->ring[k] = s->a[i];
+		const uint32_t b = s->b[i];
+		i = next[i] - 1;
+		if (i >= s->n || s->a[i] != b || (i == 0 && k + 1 < s->n))
+			return false;
+	}
+	return i == 0;
+}
+
 /* Finds what kind of vertex v is, and its ring when it is free. The marks of two faces on the same
  * three vertices make a cycle of two: not manifold either. */
 static wh_code classify(wh_engine *e, uint32_t v)
@@ -191,6 +229,10 @@ static wh_code classify(wh_engine *e, uint32_t v)
 	}
 	for (uint32_t i = 0; i < s.n; i++)
 		face_others(&e->p->tri[3 * (size_t)face[i]], v, &s.a[i], &s.b[i]);
+	if (walk_few(&s)) {
+		star->closed = true;
+		return star->flag & WH_LOCKED ? WH_OK : wh_ring_set(e, v, s.ring, s.n);
+	}
 	const bool single = mark_steps(w, &s);
 	uint32_t starts = 0, ends = 0, start = 0;
 	for (uint32_t i = 0; i < s.n; i++) {
@@ -222,7 +264,8 @@ static bool all_locked(const wh_engine *e, const uint32_t *t)
 	return wh_is_locked(e, t[0]) && wh_is_locked(e, t[1]) && wh_is_locked(e, t[2]);
 }
 
-/* Faces between locked vertices come first, in their order. */
+/* Faces between locked vertices come first, in their order; the others are in the stars now, and
+ * nowhere else. */
 static void keep_still(wh_engine *e)
 {
 	wh_patch *p = e->p;
@@ -248,6 +291,19 @@ static wh_code make_room(wh_engine *e)
 	return WH_OK;
 }
 
+/* Sums and guesses. What faces add to locked vertices is taken away again. */
+static void sum_all(wh_engine *e)
+{
+	const wh_patch *p = e->p;
+	wh_star *star = e->w->star;
+	wh_stars_sum(star, p->tri, p->nf);
+	for (uint32_t v = 0; v < p->nv; v++)
+		if (star[v].n)
+			wh_star_guess(e, v);
+		else
+			star[v].sum = (wh_vertex_sum){0};
+}
+
 wh_code wh_stars_build(wh_engine *e)
 {
 	struct wh_simplify_work *w = e->w;
@@ -270,10 +326,8 @@ wh_code wh_stars_build(wh_engine *e)
 		    (!(s->flag & WH_CUT) && classify(e, v) != WH_OK))
 			return e->c->err.code;
 	}
+	sum_all(e);
 	keep_still(e);
-	for (uint32_t v = 0; v < p->nv; v++)
-		if (w->star[v].n)
-			wh_star_renew(e, v);
 	return WH_OK;
 }
 
