@@ -27,7 +27,7 @@ const char *wh_phase_name(wh_phase phase)
 
 wh_reduce_params wh_reduce_defaults(void)
 {
-	return (wh_reduce_params){.cluster_faces = 256ULL * 1024, .micro_faces = 16ULL * 1024};
+	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
 static wh_code all_stages(wh_run *r, wh_outfile **out)

@@ -33,7 +33,7 @@ static const char help[] =
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
-    "      --cluster-faces N (262144; 0: all one), --micro-faces N (16384; 0: none)\n"
+    "      --cluster-faces N (131072; 0: all one), --micro-faces N (16384; 0: none)\n"
     "      --final-faces N   (4 clusters') from which the last pass may be over all\n"
     "                        at once; above, it goes cluster by cluster\n";
 

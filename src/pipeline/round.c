@@ -7,7 +7,7 @@
 
 /* ---- survey ------------------------------------------------------------------------------- */
 
-enum { SURVEY_CLUSTERS = 16, SURVEY_LEAST = 4, SURVEY_SHARE = 32 };
+enum { SURVEY_CLUSTERS = 8, SURVEY_LEAST = 4, SURVEY_SHARE = 64 };
 
 typedef struct survey_run {
 	const wh_store *store;

@@ -20,7 +20,7 @@ typedef struct wh_round_result {
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one);
 
 /*
- * Fits a survey to a share of all pieces of the store (fixed places, at most one in 32 and no
+ * Fits a survey to a share of all pieces of the store (fixed places, at most one in 64 and no
  * fewer than four): the log of what collapses cost and the number of vertices it is out of.
  */
 wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
