@@ -39,7 +39,9 @@ static void open_square(fixture *f, uint32_t locked)
 		for (uint32_t k = 0; k < 3; k++)
 			t[k] = (i % 2 ? upper : lower)[(k + (i % 5 == 0)) % 3];
 	}
+	static const wh_manner manner = {1, 0, 1e-6, 1e-10};
 	f->e = (wh_engine){.c = c,
+	                   .manner = &manner,
 	                   .w = wh_simplify_work_new(c),
 	                   .p = &f->p,
 	                   .params = &f->params,

@@ -20,11 +20,6 @@
  * weights would give 9, with the length of the collapsed edge for that of e; measured on three
  * scans with boundary, 4 has the least error on all (2 and 40 the most). */
 static const double BOUNDARY_WEIGHT = 4.0;
-/* Pulls the new vertex to the edge's midpoint where the faces leave a direction free. Stronger
- * pulls cost error: 1e-3 gives 8 % more than 1e-5 on a dragon of 87 k faces. */
-static const double MIDPOINT_PULL = 1e-6;
-/* Prefers short edges where the faces do not tell (flat regions). */
-static const double LENGTH_TIE = 1e-10;
 
 /* ---- taking out --------------------------------------------------------------------------- */
 
@@ -440,9 +435,10 @@ INLINE symmetric join(const wh_vertex_sum *a, symmetric b, wh_vec3 p, wh_vec3 q,
 
 /* The least of y'Hy - 2 y'Be where n y = volume: H, shifted, is inverted by cofactors, and the
  * constraint, Lindstrom & Turk's first, met along the inverse times n. */
-INLINE wh_vec3 minimum(symmetric h, wh_vec3 be, wh_vec3 e, wh_vec3 n, double volume)
+INLINE wh_vec3 minimum(symmetric h, wh_vec3 be, wh_vec3 e, wh_vec3 n, double volume,
+                       double midpoint_pull)
 {
-	const double pull = MIDPOINT_PULL * (h.xx + h.yy + h.zz);
+	const double pull = midpoint_pull * (h.xx + h.yy + h.zz);
 	const symmetric shifted = {h.xx + pull, h.xy, h.xz, h.yy + pull, h.yz, h.zz + pull};
 	const symmetric c = cofactors(shifted);
 	const double det = shifted.xx * c.xx + h.xy * c.xy + h.xz * c.xz;
@@ -460,7 +456,8 @@ INLINE wh_vec3 minimum(symmetric h, wh_vec3 be, wh_vec3 e, wh_vec3 n, double vol
  *     H = A + B - S     cost(y) = y'Hy - 2 y'Be + e'Be     volume kept: (N + M - T) y = M e
  *
  * Where the other end is locked y = e, and the terms in B cancel. */
-WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *restrict hub)
+WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *restrict hub,
+                                      double midpoint_pull, double length_tie)
 {
 	const wh_vertex_sum a = *hub;
 	const size_t n = f->n;
@@ -476,7 +473,7 @@ WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			const double rim = f->rim.at[i] * BOUNDARY_WEIGHT * sqrt(len2);
 			const symmetric h = join(&a, b, p, q, e, rim);
 			const wh_vec3 be = times(b, e), all = wh_sub(wh_sub(wh_add(a.n, m), p), q);
-			wh_vec3 y = minimum(h, be, e, all, wh_dot(m, e));
+			wh_vec3 y = minimum(h, be, e, all, wh_dot(m, e), midpoint_pull);
 			/* A minimum far away is an artefact of a nearly singular sum; so is no
 			 * minimum. */
 			const wh_vec3 middle = wh_scale(e, 0.5);
@@ -493,24 +490,24 @@ WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 			f->place.z.at[i] = y.z;
 			f->weight.at[i] = trace;
 			f->cost.at[i] =
-			    (cost > 0 ? cost : 0.0) + LENGTH_TIE * trace * len2 + f->bar.at[i];
+			    (cost > 0 ? cost : 0.0) + length_tie * trace * len2 + f->bar.at[i];
 		}
 }
 
 /* Clang 14 gives the chosen clone a name of its own, which other files cannot call. */
-void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub)
+void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub, const wh_manner *manner)
 {
-	evaluate(f, hub);
+	evaluate(f, hub, manner->midpoint_pull, manner->length_tie);
 }
 
 /* ---- guesses ------------------------------------------------------------------------------ */
 
 WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t n,
-                                            const wh_vertex_sum *restrict sum,
+                                            const wh_vertex_sum *restrict sum, double length_tie,
                                             double *restrict cost)
 {
 	const symmetric a = {sum->xx, sum->xy, sum->xz, sum->yy, sum->yz, sum->zz};
-	const double tie = LENGTH_TIE * (a.xx + a.yy + a.zz);
+	const double tie = length_tie * (a.xx + a.yy + a.zz);
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const wh_vec3 d = at_lane(to, b + lane);
@@ -519,11 +516,11 @@ WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t 
 		}
 }
 
-double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum)
+double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum, const wh_manner *manner)
 {
 	wh_row cost;
 	double least = INFINITY;
-	cost_of_moving(to, n, sum, cost.at);
+	cost_of_moving(to, n, sum, manner->length_tie, cost.at);
 	for (uint32_t i = 0; i < n; i++)
 		least = cost.at[i] < least ? cost.at[i] : least;
 	return least;
@@ -557,7 +554,7 @@ void wh_star_guess(wh_engine *e, uint32_t v)
 	if (!s->closed)
 		for (uint32_t i = 0; i < s->n; i += s->n - 1)
 			sum_boundary_edge(&s->sum, to->x.at[i], to->y.at[i], to->z.at[i]);
-	s->guess = wh_guess(to, s->n, &s->sum);
+	s->guess = wh_guess(to, s->n, &s->sum, e->manner);
 }
 
 void wh_star_renew(wh_engine *e, uint32_t v)
@@ -566,5 +563,5 @@ void wh_star_renew(wh_engine *e, uint32_t v)
 	wh_fan *f = &e->w->fan;
 	take_faces(e->w->star, wh_ring(e, v), s, f);
 	wh_sum_make(&f->to, &f->after, s->n, s->closed, &s->sum);
-	s->guess = wh_guess(&f->to, s->n, &s->sum);
+	s->guess = wh_guess(&f->to, s->n, &s->sum, e->manner);
 }

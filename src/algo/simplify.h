@@ -22,12 +22,13 @@ typedef struct wh_simplify_params {
 	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
 	double max_cost;          /* no collapse above this cost; INFINITY: no limit */
 	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
-	bool fast;            /* a looser order, for fewer evaluations */
+	bool fast;            /* a looser order, for fewer evaluations, and more regular faces */
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
 	bool float_positions; /* new positions are rounded to float */
 	double step; /* a power of two: new positions are whole steps away from an old one, so that
 	                moving the mesh does not round them anew; 0: as they come */
-	bool insist; /* out of candidates, look at all edges again while that helps */
+	bool insist; /* a last pass: out of candidates, look at all edges again while that helps;
+	                the last vertices are taken in exact order */
 	bool no_overshoot; /* where only one face is left to go and no boundary edge to take it,
 	                      stop one above the target instead of one below */
 	wh_cost_log *log;  /* is added to; NULL: no log */

@@ -121,12 +121,27 @@ struct wh_simplify_work {
 	wh_trial trial;
 };
 
+/* How a run weighs time, error and the shape of faces against each other; see simplify.c. */
+typedef struct wh_manner {
+	/* Of the guess, where a vertex that was never evaluated waits: less means evaluating
+	 * vertices too early, more, too late. */
+	double guess_share;
+	/* A vertex is taken although its edge got dearer since by up to this many buckets, 1/32 of
+	 * a power of two each: going back costs an evaluation. */
+	uint32_t slack;
+	/* Pulls the new vertex to the edge's midpoint where the faces leave a direction free. */
+	double midpoint_pull;
+	/* Prefers short edges where the faces do not tell (flat regions). */
+	double length_tie;
+} wh_manner;
+
 /* One run. */
 typedef struct wh_engine {
 	wh_ctx *c;
 	struct wh_simplify_work *w;
 	wh_patch *p;
 	const wh_simplify_params *params;
+	const wh_manner *manner;
 	wh_simplify_result *result;
 	uint32_t faces, vertices; /* alive */
 	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
@@ -195,7 +210,7 @@ static inline bool wh_is_locked(const wh_engine *e, uint32_t v)
 void wh_fan_gather(const wh_engine *e, uint32_t v, wh_fan *f);
 
 /* Place and cost of the collapse of each edge. */
-void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub);
+void wh_fan_evaluate(wh_fan *f, const wh_vertex_sum *hub, const wh_manner *manner);
 
 /* The sum of a vertex, from n area vectors (0 where there is no face) and, when it is on the
  * boundary, its two boundary edges; `n` neighbours at `to`. */
@@ -204,7 +219,7 @@ void wh_sum_make(const wh_rows3 *to, const wh_rows3 *face, uint32_t n, bool clos
 
 /* What the cheapest collapse of a vertex may cost, judged by what is around it alone: the cost of
  * moving it to a neighbour. The truth is mostly between a thirtieth and the whole of that. */
-double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum);
+double wh_guess(const wh_rows3 *to, uint32_t n, const wh_vertex_sum *sum, const wh_manner *manner);
 
 /* Adds to the sums of vertices what these faces are to their corners, boundary terms left out. */
 void wh_stars_sum(wh_star *star, const uint32_t *tri, size_t nf);

@@ -495,13 +495,13 @@ static wh_code renew_rings(wh_engine *e, const wh_trial *t)
 	return WH_OK;
 }
 
-static void renew_kept(const wh_trial *t, wh_star *kept)
+static void renew_kept(const wh_engine *e, const wh_trial *t, wh_star *kept)
 {
 	kept->closed = t->closed;
 	/* the rows begin with the face before the first neighbour, which for a closed ring is that
 	 * behind the last: n entries are all faces of either */
 	wh_sum_make(&t->spoke, &t->fresh, t->n, t->closed, &kept->sum);
-	kept->guess = wh_guess(&t->spoke, t->n, &kept->sum);
+	kept->guess = wh_guess(&t->spoke, t->n, &kept->sum, e->manner);
 }
 
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t)
@@ -515,7 +515,7 @@ wh_code wh_trial_commit(wh_engine *e, wh_trial *t)
 		kept->flag |= gone->flag & WH_BORDER;
 		if (wh_ring_set(e, t->v, t->id, t->n) != WH_OK)
 			return e->c->err.code;
-		renew_kept(t, kept);
+		renew_kept(e, t, kept);
 	}
 	find_gains(t);
 	lose_shared(t);
