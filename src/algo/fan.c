@@ -372,7 +372,7 @@ WH_VECTOR_CLONES static void add_all_faces(wh_star *star, const uint32_t *tri, s
 static void add_last_faces(wh_star *star, const uint32_t *tri, size_t nf)
 {
 	uint32_t full[3 * WH_LANES];
-	for (size_t i = 0; i < 3 * WH_LANES; i++)
+	for (size_t i = 0; i < (size_t)3 * WH_LANES; i++)
 		full[i] = i < 3 * nf ? tri[i] : tri[0];
 	add_all_faces(star, full, WH_LANES);
 }
