@@ -25,7 +25,7 @@ enum {
 	SAMPLE = 256 * 1024,     /* vertices the tree is built from, up to twice as many ... */
 	SAMPLE_EACH = 64,        /* ... and no fewer than this for a cluster */
 	BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster */
-	BUFFER_MOST = 256 * 1024,
+	BUFFER_MOST = 128 * 1024,
 	WINDOW_LEAST = 1024 * 1024, /* vertices */
 	VISITS_MOST = 8 * 1024 * 1024
 };
