@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 enum { SIDE = 90, MOST = 7500 }; /* enough collapses for several buffers */
 
@@ -160,6 +161,38 @@ static void each_limit_ends_it(void **state)
 	}
 }
 
+/* Writes something into the file of cluster 0 and does it again. */
+static void perform_damaged(fixture *f, const void *bytes, size_t n)
+{
+	wh_ctx *c = &f->t.ctx;
+	wh_simplify_result again;
+	const int fd = wh_spill_create(c, &f->spill, "collapses-0");
+	assert_true(fd >= 0);
+	assert_int_equal(wh_spill_pwrite(c, &f->spill, fd, bytes, n, 0), WH_OK);
+	close(fd);
+	make(f);
+	assert_int_equal(
+	    wh_rerun_perform(c, &f->rerun, &f->spill, 0, (wh_rerun_limit){10, 10}, &f->p, &again),
+	    WH_E_RUN);
+	assert_non_null(strstr(c->err.text, "damaged"));
+	c->err = (wh_error){0};
+}
+
+static void a_damaged_file_is_noticed(void **state)
+{
+	fixture *f = *state;
+	const uint32_t far = 4000000;
+	static const uint32_t ends[][4] = {{1, 1, 2, 3}, {1, 2, 2, 1}, {1, 2, 1, 3}, {1, 2, 3, 1}};
+	for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+		const wh_collapse run[2] = {{.u = ends[i][0], .v = ends[i][1], .faces = 1},
+		                            {.u = ends[i][2], .v = ends[i][3], .faces = 1}};
+		perform_damaged(f, run, sizeof run);
+	}
+	perform_damaged(f, &(wh_collapse){.u = far, .v = 1, .faces = 1}, sizeof(wh_collapse));
+	perform_damaged(f, &(wh_collapse){.u = 1, .v = far, .faces = 1}, sizeof(wh_collapse));
+	perform_damaged(f, &(wh_collapse){.u = 1, .v = 2, .faces = 1}, sizeof(wh_collapse) - 1);
+}
+
 static void a_file_that_is_gone_is_noticed(void **state)
 {
 	fixture *f = *state;
@@ -177,6 +210,7 @@ int main(void)
 	    cmocka_unit_test_setup_teardown(the_beginning_of_a_run_can_be_done_again, setup,
 	                                    teardown),
 	    cmocka_unit_test_setup_teardown(each_limit_ends_it, setup, teardown),
+	    cmocka_unit_test_setup_teardown(a_damaged_file_is_noticed, setup, teardown),
 	    cmocka_unit_test_setup_teardown(a_file_that_is_gone_is_noticed, setup, teardown),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

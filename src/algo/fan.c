@@ -67,33 +67,11 @@ INLINE void cross(const half d[3], const half e[3], half n[3])
 	n[2] = d[0] * e[1] - d[1] * e[0];
 }
 
-typedef uint32_t eight __attribute__((vector_size(32)));
-
-/* The first eight neighbours and one more; behind the last one of a closed ring comes the first
- * again, and then the hub, whose faces are nothing. Nothing here is left to be predicted: how many
- * neighbours a vertex has follows no pattern. */
-INLINE void find_few(const wh_star *star, const uint32_t *ring, const wh_star *hub,
-                     const wh_star *s[WH_LANES + 1])
-{
-	const eight lane = {0, 1, 2, 3, 4, 5, 6, 7};
-	const uint32_t self = (uint32_t)(hub - star), again = hub->closed ? ring[0] : self;
-	eight id;
-	memcpy(&id, ring, sizeof id);
-	const eight in = (eight)(lane < hub->n), end = (eight)(lane == hub->n);
-	id = (id & in) | (again & end) | (self & ~(in | end));
-	for (size_t i = 0; i < WH_LANES; i++)
-		s[i] = &star[id[i]];
-	s[WH_LANES] = &star[hub->n == WH_LANES ? again : self];
-}
-
-/* The same for any block of neighbours. */
+/* The neighbours of a block and one more; behind the last one of a closed ring comes the first
+ * again, and then the hub, whose faces are nothing. */
 INLINE void find_block(const wh_star *star, const uint32_t *ring, const wh_star *hub, uint32_t from,
                        const wh_star *s[WH_LANES + 1])
 {
-	if (hub->n <= WH_LANES) {
-		find_few(star, ring, hub, s);
-		return;
-	}
 	for (uint32_t i = 0; i <= WH_LANES; i++) {
 		const uint32_t k = from + i;
 		s[i] = k < hub->n                   ? &star[ring[k]]

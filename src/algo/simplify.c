@@ -138,12 +138,7 @@ static void enqueue_unseen(wh_engine *e, uint32_t v)
 static void note_collapse(wh_engine *e, const wh_trial *t, double err)
 {
 	wh_simplify_result *r = e->result;
-	r->collapses++;
-	if (t->cost > r->highest_cost) {
-		r->highest_cost = t->cost;
-		e->highest_weight = t->weight;
-	}
-	r->highest_err = fmax(r->highest_err, err);
+	wh_simplify_result_note(r, t->cost, t->weight, err);
 	if (e->params->log) {
 		const double cost = e->params->log_in_order ? r->highest_cost : t->cost;
 		int64_t bits;
@@ -360,8 +355,6 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 			return c->err.code;
 	} while (params->insist && !reached(&e) && result->collapses > before);
 	result->exhausted = !reached(&e);
-	if (e.highest_weight > 0)
-		result->cost_distance = sqrt(result->highest_cost / e.highest_weight);
 	return WH_OK;
 }
 
@@ -371,6 +364,16 @@ double wh_log_cost(uint32_t bin)
 	double cost;
 	memcpy(&cost, &bits, sizeof cost);
 	return cost;
+}
+
+void wh_simplify_result_note(wh_simplify_result *r, double cost, double weight, double err)
+{
+	r->collapses++;
+	r->highest_err = fmax(r->highest_err, err);
+	if (cost > r->highest_cost) {
+		r->highest_cost = cost;
+		r->cost_distance = weight > 0 ? sqrt(cost / weight) : 0;
+	}
 }
 
 void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one)

@@ -48,6 +48,10 @@ typedef struct wh_simplify_result {
 	uint32_t border;      /* boundary vertices found at the start */
 } wh_simplify_result;
 
+/* Adds a collapse: its cost, the weight of the faces that it is the sum over, and the accumulated
+ * distance of the vertex made. */
+void wh_simplify_result_note(wh_simplify_result *r, double cost, double weight, double err);
+
 /* Adds what another run did: sums and extremes. `exhausted` and `fixed` stay. */
 void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one);
 

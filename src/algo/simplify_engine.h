@@ -145,7 +145,6 @@ typedef struct wh_engine {
 	wh_simplify_result *result;
 	uint32_t faces, vertices; /* alive */
 	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
-	double highest_weight;    /* of the faces of the collapse with the highest cost */
 } wh_engine;
 
 /* Work that is the same for all lanes: the compiler makes vectors of it. Every lane does the same

@@ -14,7 +14,7 @@
 
 #include <stdatomic.h>
 
-enum { WH_MEM_KEPT = 64 };
+enum { WH_MEM_KEPT = 64 }; /* freed blocks that are kept, at most */
 
 /* A freed block of the system's. */
 typedef struct wh_kept {

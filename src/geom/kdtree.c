@@ -270,9 +270,8 @@ static size_t keep_away(const builder *b, wh_kdpoint *point, size_t n, size_t be
 		if (x >= lo - beside && x <= hi + beside)
 			b->clear[near++] = x;
 	}
-	if (near == 0)
-		return part_points(point, n, node->axis, node->cut);
-	node->cut = clearest(b->clear, near, lo, hi);
+	if (near)
+		node->cut = clearest(b->clear, near, lo, hi);
 	return part_points(point, n, node->axis, node->cut);
 }
 

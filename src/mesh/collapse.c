@@ -1,7 +1,5 @@
 #include "mesh/collapse.h"
 
-#include <string.h>
-
 void wh_replay_begin(const wh_patch *p, uint32_t *into)
 {
 	for (uint32_t v = 0; v < p->nv; v++)

@@ -1,6 +1,5 @@
 #include "pipeline/rerun.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -54,24 +53,29 @@ wh_code wh_rerun_end(wh_ctx *c, wh_rerun *r, wh_code code)
 	return code;
 }
 
+static wh_code damaged(wh_ctx *c, const wh_rerun *r)
+{
+	return wh_fail(c, WH_E_RUN, "a temporary file of collapses in '%s' is damaged",
+	               r->spill->dir);
+}
+
 /* Reads what comes next into the buffer. */
 static wh_code fill(wh_ctx *c, wh_rerun *r, uint64_t size)
 {
 	const uint64_t left = (size - r->off) / sizeof *r->buf;
+	if (left == 0)
+		return damaged(c, r);
 	r->used = left < WH_RERUN_BUFFER ? (uint32_t)left : WH_RERUN_BUFFER;
 	const uint64_t at = r->off;
 	r->off += r->used * sizeof *r->buf;
 	return wh_spill_pread(c, r->spill, r->fd, r->buf, r->used * sizeof *r->buf, at);
 }
 
-static void note(wh_simplify_result *result, const wh_collapse *one)
+/* Both vertices are there still: so nothing goes in circles either. */
+static bool is_possible(const wh_rerun *r, const wh_patch *p, const wh_collapse *one)
 {
-	result->collapses++;
-	result->highest_err = fmax(result->highest_err, (double)one->err);
-	if (one->cost > result->highest_cost) {
-		result->highest_cost = one->cost;
-		result->cost_distance = sqrt(one->cost / one->weight);
-	}
+	return one->u < p->nv && one->v < p->nv && one->u != one->v && r->into[one->u] == one->u &&
+	       r->into[one->v] == one->v;
 }
 
 static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit limit, wh_patch *p,
@@ -84,8 +88,10 @@ static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit lim
 			const wh_collapse *one = &r->buf[i];
 			if (one->faces > limit.faces)
 				return WH_OK;
+			if (!is_possible(r, p, one))
+				return damaged(c, r);
 			wh_replay(p, r->into, one);
-			note(result, one);
+			wh_simplify_result_note(result, one->cost, one->weight, (double)one->err);
 			limit.faces -= one->faces;
 			limit.collapses--;
 		}

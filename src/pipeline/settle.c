@@ -11,8 +11,8 @@ typedef struct settle {
 	wh_store *to;
 	wh_progress *progress;
 	const wh_settle_params *params;
-	wh_hand *hands;
-	wh_cost_log *scratch; /* one for each worker, as are those above and below */
+	wh_hand *hands; /* one for each worker, as are the next two */
+	wh_cost_log *scratch;
 	wh_rerun *rerun;
 	wh_quota_log *log; /* one for each cluster, as are those below */
 	wh_quota *share;
@@ -22,6 +22,21 @@ typedef struct settle {
 
 /* ---- on trial ----------------------------------------------------------------------------- */
 
+/* Reduces the patch at hand, which is cluster k, and records what is done to it. */
+static wh_code reduce_on_trial(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun *rerun, uint32_t k,
+                               wh_cost_log *log, wh_simplify_result *done)
+{
+	const wh_collapse_sink sink = {wh_rerun_put, rerun};
+	wh_cluster_params p = {.all = s->params->all};
+	p.all.log = log;
+	p.all.log_in_order = true;
+	p.all.sink = &sink;
+	memset(log, 0, sizeof *log);
+	if (wh_rerun_begin(c, rerun, s->from->spill, k) != WH_OK)
+		return c->err.code;
+	return wh_rerun_end(c, rerun, wh_cluster_reduce(c, h->work, &h->patch, &p, done));
+}
+
 static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
@@ -29,19 +44,9 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	wh_cost_log *log = &s->scratch[worker];
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
-	memset(log, 0, sizeof *log);
 	const uint32_t before = h->patch.nf;
-	wh_cluster_params p = {.all = s->params->all};
-	p.all.log = log;
-	p.all.log_in_order = true;
-	wh_rerun *rerun = &s->rerun[worker];
-	const wh_collapse_sink sink = {wh_rerun_put, rerun};
-	p.all.sink = &sink;
 	wh_simplify_result done;
-	if (wh_rerun_begin(c, rerun, s->from->spill, (uint32_t)index) != WH_OK)
-		return c->err.code;
-	const wh_code code = wh_cluster_reduce(c, h->work, &h->patch, &p, &done);
-	if (wh_rerun_end(c, rerun, code) != WH_OK)
+	if (reduce_on_trial(c, s, h, &s->rerun[worker], (uint32_t)index, log, &done) != WH_OK)
 		return c->err.code;
 	s->open[index] = done.border > 0;
 	wh_progress_add(s->progress, before);
