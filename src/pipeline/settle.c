@@ -45,7 +45,7 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
-	wh_simplify_result done;
+	wh_simplify_result done = {0};
 	if (reduce_on_trial(c, s, h, &s->rerun[worker], (uint32_t)index, log, &done) != WH_OK)
 		return c->err.code;
 	s->open[index] = done.border > 0;
