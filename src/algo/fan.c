@@ -154,7 +154,8 @@ static void note_edges(const wh_engine *e, const wh_star *hub, wh_fan *f)
 		const bool rim = !f->closed && (i == 0 || i + 1 == f->n);
 		/* An inner edge between two boundary vertices: collapsing it would pinch the
 		 * surface. One end that is locked may be on the boundary. */
-		const bool pinch = !f->closed && !rim && (s->flag & (WH_BORDER | WH_LOCKED));
+		const unsigned barred = e->surgery ? WH_LOCKED : WH_BORDER | WH_LOCKED;
+		const bool pinch = !f->closed && !rim && (s->flag & barred);
 		f->rim.at[i] = rim ? 1.0 : 0.0;
 		f->locked.at[i] = s->flag & WH_LOCKED ? 1.0 : 0.0;
 		f->bar.at[i] = pinch || hub->n + s->n > WH_MOST_AROUND ? (double)INFINITY : 0.0;

@@ -9,14 +9,16 @@
  * minimises that sum, and keeps the volume under the surface as it was. No quadric is stored with
  * the mesh, so a vertex on a cut needs no special care.
  *
- * Stars are in star.c, costs in fan.c, what may be collapsed in trial.c.
+ * Stars are in star.c, costs in fan.c, what may be collapsed in trial.c, and what may be where the
+ * topology is free in surgery.c.
  *
  * Order. Every free vertex waits in a bucket queue (queue.h) at the cost of its cheapest edge, or,
  * before it was first evaluated, at a guess from its own faces. Where a collapse changes the faces
  * of a vertex, what is known of its cost grows with their sum. A vertex is evaluated when it is
  * taken: if it is dearer than its place says it goes back. Edges that may not be collapsed are
  * passed over for the next one; a vertex without any leaves the queue, and its edges are looked at
- * from their other ends as long as those are in it.
+ * from their other ends as long as those are in it. A last pass goes through all again while that
+ * helps, and in the end with faces that turn over, where nothing else leads to the count.
  *
  * Invariants. Every free vertex has its ring, and its sum is current. A vertex that is gone has no
  * ring.
@@ -135,18 +137,48 @@ static void enqueue_unseen(wh_engine *e, uint32_t v)
 	enqueue_at(e, v, fmin(guess, fmin(e->params->max_cost, DBL_MAX)));
 }
 
+/* The dearest and the farthest so far. */
+static void raise_to(wh_simplify_result *r, double cost, double weight, double err)
+{
+	r->highest_err = fmax(r->highest_err, err);
+	if (cost > r->highest_cost) {
+		r->highest_cost = cost;
+		r->cost_distance = weight > 0 ? sqrt(cost / weight) : 0;
+	}
+}
+
+/* Where a collapse of this cost that was just noted is logged. */
+static int64_t log_bin(const wh_engine *e, double cost)
+{
+	const double at = e->params->log_in_order ? e->result->highest_cost : cost;
+	int64_t bits;
+	memcpy(&bits, &at, sizeof bits);
+	return bits >> (52 - WH_LOG_MANTISSA);
+}
+
 static void note_collapse(wh_engine *e, const wh_trial *t, double err)
 {
 	wh_simplify_result *r = e->result;
 	wh_simplify_result_note(r, t->cost, t->weight, err);
 	if (e->params->log) {
-		const double cost = e->params->log_in_order ? r->highest_cost : t->cost;
-		int64_t bits;
-		memcpy(&bits, &cost, sizeof bits);
-		const int64_t bin = bits >> (52 - WH_LOG_MANTISSA);
+		const int64_t bin = log_bin(e, t->cost);
 		e->params->log->collapses[bin]++;
 		e->params->log->faces[bin] += t->nshared;
 	}
+}
+
+/* A change of topology, at the cost that it waited at. */
+static void note_change(wh_engine *e, wh_topology kind, double cost, double weight, double err,
+                        uint32_t faces, int32_t vertices)
+{
+	wh_simplify_result *r = e->result;
+	raise_to(r, cost, weight, err);
+	r->changes[kind]++;
+	r->vertices += vertices;
+	e->faces -= faces;
+	e->vertices -= (uint32_t)vertices;
+	if (e->params->log)
+		e->params->log->faces[log_bin(e, cost)] += faces;
 }
 
 static wh_code tell(const wh_engine *e, const wh_trial *t, double err)
@@ -162,6 +194,13 @@ static wh_code tell(const wh_engine *e, const wh_trial *t, double err)
 	return sink ? sink->put(e->c, sink->to, &r) : WH_OK;
 }
 
+/* Keeps a vertex that is gone at hand. */
+static void bury(wh_engine *e, uint32_t v)
+{
+	e->w->star[v].ring[0] = e->dead;
+	e->dead = v;
+}
+
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
 	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
@@ -171,6 +210,8 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 	e->vertices--;
 	note_collapse(e, t, err);
 	wh_queue_remove(&e->w->queue, t->u);
+	if (e->surgery)
+		bury(e, t->u);
 	if (t->into_locked)
 		return WH_OK;
 	wh_queue_remove(&e->w->queue, t->v);
@@ -178,26 +219,108 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 	return WH_OK;
 }
 
-/* True when this collapse takes one face more than is left to take. */
-static bool overshoots(const wh_engine *e, const wh_trial *t)
+/* True when this takes more faces than are left to take. */
+static bool overshoots(const wh_engine *e, uint32_t faces)
 {
-	return e->params->target_faces && e->faces - t->nshared < e->params->target_faces;
+	return e->params->target_faces && e->faces - faces < e->params->target_faces;
 }
 
-typedef enum verdict { TAKEN, REJECTED, SPARED } verdict;
+typedef enum verdict {
+	TAKEN,
+	REJECTED,
+	SPARED,  /* one face more than is left to take */
+	DEFERRED /* it is dearer than it seemed */
+} verdict;
+
+/* ---- changes of topology ------------------------------------------------------------------ */
+
+static void enqueue_anew(wh_engine *e, uint32_t v)
+{
+	wh_queue_remove(&e->w->queue, v);
+	enqueue_unseen(e, v);
+}
+
+static wh_code operate(wh_engine *e, wh_surgery *s, double cost, double weight, double err)
+{
+	if (wh_surgery_perform(e, s, err) != WH_OK)
+		return e->c->err.code;
+	note_change(e, s->kind, cost, weight, err, s->nshared,
+	            s->kind == WH_HOLE   ? 1
+	            : s->kind == WH_NECK ? -1
+	                                 : 0);
+	if (s->kind == WH_HOLE) {
+		wh_queue_remove(&e->w->queue, s->u);
+		bury(e, s->u);
+	}
+	wh_surgery_each(e, s, enqueue_anew, e);
+	return WH_OK;
+}
+
+/* Performs the collapse of edge i of the fan, which the link condition forbids, when its time has
+ * come; else its cost becomes what it has to wait for. */
+static wh_code try_surgery(wh_engine *e, uint32_t i, uint32_t bucket, verdict *out)
+{
+	wh_fan *f = &e->w->fan;
+	wh_surgery *s = &e->w->surgery;
+	if (!wh_surgery_find(e, &e->w->trial, s) || overshoots(e, s->nshared))
+		return WH_OK;
+	const double err = isfinite(e->params->max_err) ? wh_surgery_distance(e, s) : 0;
+	if (!(err <= e->params->max_err))
+		return WH_OK;
+	const double weight = f->weight.at[i], cost = fmax(f->cost.at[i], weight * s->size2);
+	if (!(cost <= e->params->max_cost))
+		return WH_OK;
+	f->cost.at[i] = cost;
+	*out = DEFERRED;
+	if (wh_queue_bucket(&e->w->queue, cost) > bucket + slack(e))
+		return WH_OK;
+	*out = TAKEN;
+	return operate(e, s, cost, weight, err);
+}
+
+/* A vertex without any collapse: when it is in a part of a few faces, the part goes when its time
+ * has come. */
+static wh_code try_shell(wh_engine *e, uint32_t v, uint32_t bucket, verdict *out)
+{
+	wh_shell s;
+	if (!wh_shell_find(e, v, &s) || overshoots(e, s.faces))
+		return WH_OK;
+	const double cost = s.weight * s.size2, err = (double)s.err + sqrt(s.size2);
+	if (!(cost <= e->params->max_cost) || !(err <= e->params->max_err))
+		return WH_OK;
+	if (wh_queue_bucket(&e->w->queue, cost) > bucket + slack(e)) {
+		enqueue_at(e, v, cost);
+		return WH_OK;
+	}
+	for (uint32_t i = 0; i < s.n; i++) {
+		wh_queue_remove(&e->w->queue, s.id[i]);
+		if (wh_ring_set(e, s.id[i], NULL, 0) != WH_OK)
+			return e->c->err.code;
+		bury(e, s.id[i]);
+	}
+	*out = TAKEN;
+	note_change(e, WH_SHELL, cost, s.weight, isfinite(e->params->max_err) ? err : 0, s.faces,
+	            (int32_t)s.n);
+	return WH_OK;
+}
+
+/* ---- the loop, on ------------------------------------------------------------------------- */
 
 /* Performs the collapse of an edge of the fan when it is legal and within the limits. */
-static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, bool allow_overshoot, verdict *out)
+static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
+                        bool allow_overshoot, verdict *out)
 {
 	struct wh_simplify_work *w = e->w;
 	wh_trial *t = &w->trial;
 	*out = REJECTED;
-	if (!wh_trial_make(e, &w->fan, hub, i, t) || !wh_trial_sound(e, t))
+	if (!wh_trial_make(e, &w->fan, hub, i, t))
+		return e->surgery ? try_surgery(e, i, bucket, out) : WH_OK;
+	if (!wh_trial_sound(e, t))
 		return WH_OK;
 	const double err = isfinite(e->params->max_err) ? wh_trial_distance(e, t) : 0;
 	if (!(err <= e->params->max_err))
 		return WH_OK;
-	*out = overshoots(e, t) && !allow_overshoot ? SPARED : TAKEN;
+	*out = overshoots(e, t->nshared) && !allow_overshoot ? SPARED : TAKEN;
 	return *out == TAKEN ? perform(e, t, err) : WH_OK;
 }
 
@@ -214,16 +337,20 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 		const uint32_t i = cheapest(f);
 		const double cost = f->cost.at[i];
 		*out = spared ? SPARED : REJECTED;
+		if (e->surgery && !(cost < INFINITY))
+			return try_shell(e, v, bucket, out);
 		if (!(cost <= e->params->max_cost && cost < INFINITY))
 			return WH_OK;
 		if (wh_queue_bucket(&e->w->queue, cost) > bucket + slack(e)) {
 			enqueue_at(e, v, cost);
 			return WH_OK;
 		}
-		if (try_edge(e, v, i, allow_overshoot, out) != WH_OK)
+		if (try_edge(e, v, i, bucket, allow_overshoot, out) != WH_OK)
 			return e->c->err.code;
 		if (*out == TAKEN)
 			return WH_OK;
+		if (*out == DEFERRED)
+			continue;
 		spared = spared || *out == SPARED;
 		f->cost.at[i] = (double)INFINITY;
 	}
@@ -317,6 +444,7 @@ static double cost_scale(const wh_patch *p)
 static wh_code pass(wh_engine *e)
 {
 	const double top = e->params->max_cost;
+	e->dead = WH_NONE;
 	if (wh_stars_build(e) != WH_OK ||
 	    wh_queue_reset(e->c, &e->w->queue, e->p->nv, isfinite(top) ? top : cost_scale(e->p)) !=
 	        WH_OK)
@@ -326,6 +454,12 @@ static wh_code pass(wh_engine *e)
 		return e->c->err.code;
 	wh_stars_unbuild(e);
 	return WH_OK;
+}
+
+/* A count counts for more than faces that turn over; a distance does not. */
+static bool must_reach(const wh_simplify_params *p)
+{
+	return (p->target_faces || p->target_vertices) && !isfinite(p->max_err);
 }
 
 wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simplify_params *params,
@@ -338,6 +472,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .params = params,
 	               .manner = params->fast ? &fast : &usual,
 	               .result = result,
+	               .surgery = params->free_topology && !params->sink,
 	               .faces = p->nf,
 	               .vertices = p->nv};
 	if (reached(&e))
@@ -347,13 +482,16 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 		return WH_OK;
 	}
 	/* An edge turned down once may be legal later: start over while that helps. */
-	uint64_t before;
-	do {
-		before = result->collapses;
+	for (;;) {
+		const uint32_t before = e.faces;
 		result->border = 0;
 		if (pass(&e) != WH_OK)
 			return c->err.code;
-	} while (params->insist && !reached(&e) && result->collapses > before);
+		const bool stuck = e.faces == before;
+		if (!params->insist || reached(&e) || (stuck && (e.lenient || !must_reach(params))))
+			break;
+		e.lenient = stuck;
+	}
 	result->exhausted = !reached(&e);
 	return WH_OK;
 }
@@ -369,16 +507,16 @@ double wh_log_cost(uint32_t bin)
 void wh_simplify_result_note(wh_simplify_result *r, double cost, double weight, double err)
 {
 	r->collapses++;
-	r->highest_err = fmax(r->highest_err, err);
-	if (cost > r->highest_cost) {
-		r->highest_cost = cost;
-		r->cost_distance = weight > 0 ? sqrt(cost / weight) : 0;
-	}
+	r->vertices++;
+	raise_to(r, cost, weight, err);
 }
 
 void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one)
 {
 	sum->collapses += one->collapses;
+	sum->vertices += one->vertices;
+	for (int k = 0; k < WH_TOPOLOGIES; k++)
+		sum->changes[k] += one->changes[k];
 	sum->highest_err = fmax(sum->highest_err, one->highest_err);
 	if (one->highest_cost > sum->highest_cost) {
 		sum->highest_cost = one->highest_cost;

@@ -17,6 +17,15 @@ typedef struct wh_cost_log {
 	uint32_t faces[WH_LOG_BINS]; /* that they took away */
 } wh_cost_log;
 
+/* Changes of topology. */
+typedef enum wh_topology {
+	WH_SHELL,  /* a part that was removed */
+	WH_HOLE,   /* a boundary loop that was closed */
+	WH_NECK,   /* a cut along a triangle: a handle that is gone, or one part that is two */
+	WH_BRIDGE, /* a cut along an edge between two boundary vertices */
+	WH_TOPOLOGIES
+} wh_topology;
+
 typedef struct wh_simplify_params {
 	uint32_t target_faces;    /* stop at or below this many faces; 0: no limit */
 	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
@@ -27,8 +36,11 @@ typedef struct wh_simplify_params {
 	bool float_positions; /* new positions are rounded to float */
 	double step; /* a power of two: new positions are whole steps away from an old one, so that
 	                moving the mesh does not round them anew; 0: as they come */
-	bool insist; /* a last pass: out of candidates, look at all edges again while that helps;
-	                the last vertices are taken in exact order */
+	bool free_topology; /* where a collapse would change the topology by less than the error of
+	                       the moment it may, where there is no sink */
+	bool insist; /* a last pass: out of candidates, look at all edges again while that helps,
+	                and let faces turn over in the end; the last vertices are taken in exact
+	                order */
 	bool no_overshoot; /* where only one face is left to go and no boundary edge to take it,
 	                      stop one above the target instead of one below */
 	wh_cost_log *log;  /* is added to; NULL: no log */
@@ -40,8 +52,10 @@ typedef struct wh_simplify_params {
 
 typedef struct wh_simplify_result {
 	uint64_t collapses;
-	double highest_cost;  /* of the collapses done */
-	double highest_err;   /* accumulated distance bound of the worst vertex made */
+	int64_t vertices;                /* that are gone; a neck adds one */
+	uint64_t changes[WH_TOPOLOGIES]; /* of topology, of each kind */
+	double highest_cost;             /* of the collapses done */
+	double highest_err;              /* accumulated distance bound of the worst vertex made */
 	double cost_distance; /* the highest cost as a distance: sqrt(cost / weight of its faces) */
 	bool exhausted;       /* stopped because no legal collapse was left within the limits */
 	uint32_t fixed;       /* non-manifold vertices found and kept */
@@ -70,7 +84,8 @@ size_t wh_simplify_bytes(uint64_t nv, uint64_t nf);
  * vertices keep their order, their gid and their flags; p's arrays are compacted.
  *
  * Topology: an edge is collapsed only when the link condition holds (Dey, Edelsbrunner, Guha,
- * Nekhayev 1999), so components, handles and boundary loops stay. A vertex is collapsed into a
+ * Nekhayev 1999), so components, handles and boundary loops stay, unless `free_topology`; a
+ * manifold stays one even then. A vertex is collapsed into a
  * locked one only if this makes no edge or face between locked vertices, which another piece
  * could make too.
  *

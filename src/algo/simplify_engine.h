@@ -5,6 +5,7 @@
  *     star.c           stars: the vertices and, in order, who is around them
  *     fan.c            a star taken out to work on; place and cost of the collapses of its edges
  *     trial.c          one collapse worked out: link condition, turning faces, distance
+ *     surgery.c        collapses that the link condition forbids, with a change of topology
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
@@ -97,6 +98,43 @@ typedef struct wh_trial {
 	wh_row gain[9]; /* what the sum of neighbour i gains */
 } wh_trial;
 
+/* Some neighbours of the new vertex of a collapse, in order: its ring, or one of its two. */
+typedef struct wh_sheet {
+	uint32_t n;
+	bool closed;
+	uint32_t id[WH_ROW];
+	uint8_t of[WH_ROW];   /* which of the ends had it as a neighbour */
+	uint8_t face[WH_ROW]; /* whose the face behind it was */
+} wh_sheet;
+
+/* A collapse with a change of topology: u and v go to the same place, as one vertex or two. */
+typedef struct wh_surgery {
+	wh_topology kind;
+	uint32_t u, v;
+	uint32_t w;            /* the third vertex of the triangle; WH_NONE where there is none */
+	uint32_t second;       /* when it is done: w's double, or w */
+	uint32_t nshared;      /* faces that go */
+	wh_vec3 at;            /* the new place */
+	double size2;          /* what has to be small, squared */
+	wh_sheet sheet[2];     /* v's and u's rings; a hole has one */
+	uint32_t inner, outer; /* w's ring in two */
+	uint32_t inside[WH_ROW], outside[WH_ROW];
+} wh_surgery;
+
+static inline uint32_t wh_surgery_sheets(const wh_surgery *s)
+{
+	return s->kind == WH_HOLE ? 1 : 2;
+}
+
+/* A whole part of the surface. */
+enum { WH_SHELL_MOST = 16 }; /* vertices */
+typedef struct wh_shell {
+	uint32_t n, faces;
+	uint32_t id[WH_SHELL_MOST];
+	double size2, weight; /* its diagonal, squared; its faces' weight, as costs have it */
+	float err;            /* the worst accumulated distance */
+} wh_shell;
+
 /* The place of a vertex among the pairs around another, while stars are built. */
 typedef struct wh_mark {
 	uint32_t tick;
@@ -119,6 +157,7 @@ struct wh_simplify_work {
 	uint32_t tick;
 	wh_fan fan;
 	wh_trial trial;
+	wh_surgery surgery;
 };
 
 /* How a run weighs time, error and the shape of faces against each other; see simplify.c. */
@@ -145,6 +184,9 @@ typedef struct wh_engine {
 	wh_simplify_result *result;
 	uint32_t faces, vertices; /* alive */
 	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
+	bool surgery;             /* topology may change */
+	bool lenient;             /* faces may turn over */
+	uint32_t dead; /* with surgery: the last vertex to go; ring[0] of each is the one before */
 } wh_engine;
 
 /* Work that is the same for all lanes: the compiler makes vectors of it. Every lane does the same
@@ -244,5 +286,25 @@ double wh_trial_distance(const wh_engine *e, const wh_trial *t);
 
 /* Makes it so: rings, positions, sums and guesses. What was gathered of the hub before is lost. */
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
+
+/* ---- surgery.c ---------------------------------------------------------------------------- */
+
+/* What a collapse that wh_trial_make has just refused becomes when topology may change. False when
+ * it is not possible like this either. */
+bool wh_surgery_find(const wh_engine *e, const wh_trial *t, wh_surgery *s);
+
+/* Estimate of the distance between the original surface and the one after it. */
+double wh_surgery_distance(const wh_engine *e, const wh_surgery *s);
+
+/* Makes it so; `err` is that distance. What was gathered of a fan before is lost. */
+wh_code wh_surgery_perform(wh_engine *e, wh_surgery *s, double err);
+
+/* Calls visit(to, v) for all free vertices v that it has changed, for some more than once. */
+void wh_surgery_each(const wh_engine *e, const wh_surgery *s, void (*visit)(wh_engine *, uint32_t),
+                     wh_engine *to);
+
+/* The whole part of the surface that the free vertex v is in. False when it has more than
+ * WH_SHELL_MOST vertices, or a locked one. */
+bool wh_shell_find(const wh_engine *e, uint32_t v, wh_shell *s);
 
 #endif

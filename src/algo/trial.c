@@ -131,6 +131,8 @@ static bool join_rim(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const sid
 static bool make_free(const wh_engine *e, const wh_fan *f, const side *hub, const side *other,
                       wh_vec3 at, wh_trial *t)
 {
+	if (t->nshared == 2 && !other->closed && !hub->closed)
+		return false; /* would pinch the surface */
 	if (t->nshared == 2)
 		return other->closed ? join_inner(e, f, at, hub, other, t)
 		                     : join_inner(e, f, at, other, hub, t);
@@ -327,7 +329,8 @@ static void close_rows(wh_rows3 *r, uint32_t n)
 bool wh_trial_sound(const wh_engine *e, wh_trial *t)
 {
 	const wh_star *u = &e->w->star[t->u], *v = &e->w->star[t->v];
-	if (turn(t, t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n)) > 0)
+	const wh_vec3 mean = t->into_locked ? u->sum.n : wh_add(u->sum.n, v->sum.n);
+	if (turn(t, mean) > 0 && !e->lenient)
 		return false;
 	close_rows(&t->old, t->n);
 	close_rows(&t->fresh, t->n);
