@@ -66,10 +66,12 @@ static wh_code verdict(wh_run *r)
 	return wh_fail(
 	    r->c, WH_E_TARGET,
 	    "%s: stopped at %llu faces, more than asked for: every further collapse would "
-	    "change the topology or turn faces over%s%s; this best mesh was written",
+	    "%sturn faces over%s%s; this best mesh was written%s",
 	    r->params->output, (unsigned long long)t->output_faces,
+	    r->params->simplify_topology ? "" : "change the topology or ",
 	    r->params->lock_boundary ? ", or move the locked boundary" : "",
-	    t->nonmanifold_kept ? ", or move non-manifold vertices, which are kept" : "");
+	    t->nonmanifold_kept ? ", or move non-manifold vertices, which are kept" : "",
+	    r->params->simplify_topology ? "" : "; --topology simplify may reach it");
 }
 
 static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
@@ -113,6 +115,10 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	const double unit = r.ingest.scale > 0 ? 1 / r.ingest.scale : 1;
 	report->cost_distance = r.work.cost_distance * unit;
 	report->accumulated_error = r.work.highest_err * unit;
+	report->shells = r.work.changes[WH_SHELL];
+	report->holes = r.work.changes[WH_HOLE];
+	report->necks = r.work.changes[WH_NECK];
+	report->bridges = r.work.changes[WH_BRIDGE];
 	report->threads = r.exec.workers;
 	report->memory_ceiling = r.memory;
 	report->memory_peak = atomic_load(&c->mem->peak);

@@ -30,8 +30,10 @@ typedef struct wh_reduce_params {
 	double error;        /* accumulated distance, in units of the file; 0: none */
 	double error_share;  /* the same as a share of the bounding-box diagonal; 0: none */
 
-	bool fast;          /* less time for a little more error */
-	bool lock_boundary; /* boundary edges stay exactly as they are */
+	bool simplify_topology; /* small parts, holes and handles go when their size is below the
+	                           error of the moment; else the topology stays as it is */
+	bool fast;              /* less time for a little more error */
+	bool lock_boundary;     /* boundary edges stay exactly as they are */
 
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
 	int threads;          /* 0: all that the process may use */
@@ -88,8 +90,12 @@ typedef struct wh_reduce_report {
 	bool one_less;             /* one face fewer than asked for: parity forbids the count */
 	bool exhausted;            /* stopped above the target: nothing legal was left */
 	uint64_t nonmanifold_kept; /* vertices locked because they are not manifold */
-	double cost_distance;      /* cost of the dearest collapse, as a distance */
-	double accumulated_error;  /* estimated distance of the worst vertex; 0 without a limit */
+	/* With simplify_topology: vertices doubled because they were not manifold; parts removed;
+	 * boundary loops closed; cuts along a triangle, each of which opens a handle or makes two
+	 * parts of one; cuts along an edge between two boundary vertices. */
+	uint64_t nonmanifold_split, shells, holes, necks, bridges;
+	double cost_distance;     /* cost of the dearest collapse, as a distance */
+	double accumulated_error; /* estimated distance of the worst vertex; 0 without a limit */
 
 	uint64_t clusters, cut_vertices; /* of the first partition */
 	uint64_t windows; /* in which it went through the vertices; 1: memory held a table of all */

@@ -22,6 +22,8 @@ static const char help[] =
     "                        the file or per cent of the bounding-box diagonal\n"
     "      --fast            less time for a little more error\n"
     "      --lock-boundary   keep boundary edges exactly\n"
+    "      --topology WAY    keep (default) components, handles and boundary loops, or\n"
+    "                        simplify: the small ones go, to reach the count\n"
     "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default:\n"
     "                        half of the machine's, its control group's or the job's)\n"
     "      --threads N       0 (default): all this process may use\n"
@@ -91,6 +93,28 @@ static const char *vertices_word(uint64_t n)
 	return n == 1 ? "vertex" : "vertices";
 }
 
+/* Says what became of the topology. */
+static void print_topology(FILE *f, const wh_reduce_report *r)
+{
+	const struct {
+		uint64_t n;
+		const char *what;
+	} kind[] = {{r->shells, "small parts removed"},
+	            {r->holes, "holes closed"},
+	            {r->necks, "handles or necks cut"},
+	            {r->bridges, "bridges cut"},
+	            {r->nonmanifold_split, "non-manifold vertices split"}};
+	const char *between = "topology: ";
+	for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
+		if (kind[i].n == 0)
+			continue;
+		(void)fprintf(f, "%s%llu %s", between, (unsigned long long)kind[i].n, kind[i].what);
+		between = ", ";
+	}
+	if (between[0] == ',')
+		(void)fputc('\n', f);
+}
+
 static void print_notes(FILE *f, const wh_reduce_report *r)
 {
 	if (r->unchanged)
@@ -109,6 +133,7 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		(void)fprintf(f, "dropped %llu %s without faces\n",
 		              (unsigned long long)r->unreferenced_vertices,
 		              vertices_word(r->unreferenced_vertices));
+	print_topology(f, r);
 	if (r->nonmanifold_kept)
 		(void)fprintf(f, "kept %llu non-manifold %s in place\n",
 		              (unsigned long long)r->nonmanifold_kept,

@@ -12,6 +12,7 @@ enum {
 	OPT_ERROR,
 	OPT_FAST,
 	OPT_LOCK,
+	OPT_TOPOLOGY,
 	OPT_MEMORY,
 	OPT_THREADS,
 	OPT_TEMP,
@@ -33,6 +34,7 @@ static const struct option long_options[] = {
     {"error", required_argument, NULL, OPT_ERROR},
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
+    {"topology", required_argument, NULL, OPT_TOPOLOGY},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
@@ -96,6 +98,12 @@ static bool parse_error_limit(const char *text, wh_reduce_params *p)
 	return cmd_parse_real(text, &p->error) && p->error > 0;
 }
 
+static bool parse_topology(const char *text, bool *simplify)
+{
+	*simplify = strcmp(text, "simplify") == 0;
+	return *simplify || strcmp(text, "keep") == 0;
+}
+
 /* False when the argument makes no sense. */
 static bool take_option(reduce_options *o, int opt, const char *arg)
 {
@@ -124,6 +132,9 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_LOCK:
 		p->lock_boundary = true;
+		break;
+	case OPT_TOPOLOGY:
+		ok = parse_topology(arg, &p->simplify_topology);
 		break;
 	case OPT_MEMORY:
 		ok = parse_size(arg, true, &n) && n >= 1 << 20;
@@ -197,6 +208,8 @@ static const char *expected(int opt)
 		return "a share between 0 and 1, such as 0.1 or 10%";
 	case OPT_ERROR:
 		return "a distance above 0, in units of the file or such as 0.01%";
+	case OPT_TOPOLOGY:
+		return "keep or simplify";
 	case OPT_MEMORY:
 		return "a size of 1M or more, such as 512M or 4G";
 	case OPT_THREADS:

@@ -61,6 +61,7 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_real(o, "error_share", p->error_share);
 	put_flag(o, "fast", p->fast);
 	put_flag(o, "lock_boundary", p->lock_boundary);
+	put_text(o, "topology", p->simplify_topology ? "simplify" : "keep");
 	put_count(o, "memory_bytes", r->memory_ceiling);
 	put_count(o, "cluster_faces", p->cluster_faces);
 	put_count(o, "micro_faces", p->micro_faces);
@@ -98,6 +99,16 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	(void)json_object_set_new(o, "euler_characteristic", json_integer(r->euler));
 }
 
+static void put_topology(json_t *root, const wh_reduce_report *r)
+{
+	json_t *o = put_object(root, "topology");
+	put_count(o, "shells_removed", r->shells);
+	put_count(o, "holes_closed", r->holes);
+	put_count(o, "necks_cut", r->necks);
+	put_count(o, "bridges_cut", r->bridges);
+	put_count(o, "nonmanifold_vertices_split", r->nonmanifold_split);
+}
+
 static void put_outcome(json_t *root, const wh_reduce_report *r)
 {
 	json_t *t = put_object(root, "target");
@@ -110,6 +121,7 @@ static void put_outcome(json_t *root, const wh_reduce_report *r)
 	put_real(e, "cost_distance", r->cost_distance);
 	put_real(e, "accumulated_estimate", r->accumulated_error);
 	put_count(root, "nonmanifold_vertices_kept", r->nonmanifold_kept);
+	put_topology(root, r);
 	put_flag(root, "streamed", r->streamed);
 	put_count(root, "never_free_vertices", r->never_free_vertices);
 }

@@ -1,6 +1,7 @@
 #include "run/run.h"
 
 #include "mesh/order.h"
+#include "mesh/separate.h"
 #include "pipeline/finish.h"
 
 #include <math.h>
@@ -24,14 +25,29 @@ static uint32_t no_more_than(uint64_t count, uint32_t most)
 	return count < most ? (uint32_t)count : most;
 }
 
+/* Where the topology may change, a vertex that is not manifold is doubled: kept, it would be in the
+ * way. */
+static wh_code separate(wh_run *r)
+{
+	wh_separated done = {0};
+	if (!r->params->simplify_topology)
+		return WH_OK;
+	const wh_code code = wh_separate(r->c, &r->patch, r->report->input_vertices, &done);
+	r->report->nonmanifold_split = done.doubled;
+	r->work.changes[WH_SHELL] += done.pillows;
+	return code;
+}
+
 wh_code wh_run_final_pass(wh_run *r)
 {
 	wh_reduce_report *t = r->report;
+	wh_run_phase_begin(r);
+	if (separate(r) != WH_OK)
+		return wh_run_phase_end(r, WH_PHASE_FINAL, r->c->err.code);
 	wh_simplify_params p = wh_run_engine(r);
 	p.target_faces = no_more_than(t->target_faces, r->patch.nf);
 	p.target_vertices = no_more_than(t->target_vertices, r->patch.nv);
 	p.insist = true;
-	wh_run_phase_begin(r);
 	wh_progress_phase(&r->progress, "final pass", r->patch.nf);
 	wh_simplify_result done = {0};
 	wh_simplify_work *w = wh_simplify_work_new(r->c);

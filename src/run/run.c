@@ -99,10 +99,12 @@ bool wh_run_copies(const wh_run *r)
 	       (t->target_vertices && t->target_vertices >= t->input_vertices);
 }
 
-/* Vertices that are left: each collapse takes one. */
+/* Vertices that are left. */
 uint64_t wh_run_vertices(const wh_run *r)
 {
-	return r->report->input_vertices - r->report->unreferenced_vertices - r->work.collapses;
+	const wh_reduce_report *t = r->report;
+	return t->input_vertices + t->nonmanifold_split - t->unreferenced_vertices -
+	       (uint64_t)r->work.vertices;
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
@@ -115,6 +117,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	return (wh_simplify_params){.max_cost = INFINITY,
 	                            .max_err = r->max_err * r->ingest.scale,
 	                            .fast = r->params->fast,
+	                            .free_topology = r->params->simplify_topology,
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
 	                            .step = r->ingest.step};
