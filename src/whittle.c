@@ -105,6 +105,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	            .memory = params->memory ? params->memory : wh_topo_memory() / 2,
 	            .cuts = {.fd = -1},
 	            .sizes = wh_run_sizes(params)};
+	r.exec.stats = &r.stats;
 	const size_t old_limit = c->mem->limit;
 	atomic_store(&c->mem->peak, atomic_load(&c->mem->used));
 	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - WH_PLAN_BASE / 2 : OPEN_BYTES;

@@ -68,6 +68,19 @@ typedef enum wh_phase {
 /* Name of a phase, for reports. */
 const char *wh_phase_name(wh_phase phase);
 
+enum { WH_SCALING = 9 }; /* 1, 2, 4 ... 256 threads */
+
+/* What one phase took. */
+typedef struct wh_phase_report {
+	double seconds;
+	double serial;            /* of these, seconds with one thread at work */
+	double busy;              /* seconds that all threads were at work, together */
+	double model[WH_SCALING]; /* seconds that it would take with 2^k threads if nothing but
+	                             whittle held them up: serial parts, the longest job, what has
+	                             to be done one after the other */
+	uint64_t bytes_read, bytes_written; /* files; the page cache may serve them */
+} wh_phase_report;
+
 /* What was done. */
 typedef struct wh_reduce_report {
 	uint64_t input_bytes, input_vertices, input_faces; /* faces: triangles */
@@ -105,7 +118,7 @@ typedef struct wh_reduce_report {
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;
-	double seconds[WH_PHASES];
+	wh_phase_report phase[WH_PHASES];
 	double seconds_total;
 } wh_reduce_report;
 

@@ -109,7 +109,7 @@ static inline wh_code ply_load(testing_env *t, const ply_file *p, int workers, w
                                bool *is_double, uint64_t *degenerate)
 {
 	wh_spill spill;
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	assert_int_equal(wh_spill_open(&t->ctx, &spill, "/tmp", NULL), WH_OK);
 	const wh_code code = wh_load_mesh(&t->ctx, &ex, &spill, p->path, m, is_double, degenerate);
 	assert_int_equal(spill.held, 0);

@@ -403,7 +403,7 @@ static void scan_matches(const char *file, uint64_t vertices, uint64_t faces, co
 	testing_env t;
 	testing_init(&t);
 	char path[sizeof WHITTLE_DATA + 4096];
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	wh_spill spill;
 	wh_mesh m;
 	wh_check r;

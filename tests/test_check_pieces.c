@@ -370,7 +370,7 @@ static void scan_in_pieces(const char *name)
 	testing_env t;
 	testing_init(&t);
 	wh_ctx *c = &t.ctx;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	char path[sizeof WHITTLE_DATA + 128];
 	wh_spill spill;
 	wh_mesh m;

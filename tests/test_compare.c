@@ -110,7 +110,7 @@ static wh_mesh random_mesh(testing_env *t, uint32_t nf, double size, uint64_t se
 
 static void tree_matches_brute_force(testing_env *t, const wh_mesh *m, int queries)
 {
-	const wh_exec ex = {2};
+	const wh_exec ex = {.workers = 2};
 	const wh_frame f = wh_frame_of_box(wh_v3(-4, -4, -4), wh_v3(4, 4, 4));
 	wh_bvh tree;
 	wh_rng g = wh_rng_seed(9);
@@ -170,7 +170,7 @@ static void tree_keeps_all_faces(void **state)
 	(void)state;
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	wh_mesh m = random_mesh(&t, 5000, 0.1, 4);
 	const wh_frame f = wh_frame_of_box(wh_v3(-2, -2, -2), wh_v3(2, 2, 2));
 	wh_bvh tree;
@@ -213,7 +213,7 @@ static wh_mesh make_sheet(testing_env *t, uint32_t n, double z, double bumps)
 static wh_compare compare(testing_env *t, int workers, const wh_mesh *a, const wh_mesh *b,
                           uint64_t samples, uint64_t seed)
 {
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	const wh_compare_params params = {.samples = samples, .seed = seed};
 	wh_compare r;
 	assert_int_equal(wh_compare_meshes(&t->ctx, &ex, a, b, &params, &r), WH_OK);
@@ -423,7 +423,7 @@ static void cut_down_the_middle(wh_vec3 cuts[CUTS])
 static wh_compare compare_cut(testing_env *t, int workers, const wh_mesh *a, const wh_mesh *b,
                               uint64_t ncuts)
 {
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	wh_vec3 cuts[CUTS];
 	const wh_compare_params params = {.samples = 50000, .cuts = cuts, .ncuts = ncuts};
 	wh_compare r;
@@ -499,7 +499,7 @@ static void nothing_to_compare_is_refused(void **state)
 	(void)state;
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	const wh_compare_params params = {0};
 	wh_compare r;
 	wh_mesh a = make_sheet(&t, 2, 0, 0);
@@ -520,7 +520,7 @@ static void refused_memory_leaks_nothing(void **state)
 	testing_init(&t);
 	wh_mesh a = make_sheet(&t, 3, 0, 0);
 	const size_t before = t.mem.used;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	const wh_vec3 cut = {0.5, 0.5, 0};
 	const wh_compare_params params = {.samples = 10, .cuts = &cut, .ncuts = 1};
 	wh_code code = WH_E_RUN;

@@ -11,7 +11,7 @@ static wh_check inspect(const char *path, size_t memory, uint64_t cluster_faces,
 {
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	const wh_inspect_params p = {
 	    .path = path, .temp_dir = "/tmp", .memory = memory, .cluster_faces = cluster_faces};
 	wh_check r;
@@ -131,7 +131,7 @@ static void count_both_ways(uint32_t n, uint32_t side, size_t budget)
 {
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {2};
+	const wh_exec ex = {.workers = 2};
 	ply_file p = ply_begin(WH_PLY_LE);
 	write_points(&p, n, side);
 	ply_end(&p);
@@ -176,7 +176,7 @@ static void a_ceiling_too_low_for_anything_is_refused_in_words(void **state)
 	(void)state;
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {2};
+	const wh_exec ex = {.workers = 2};
 	ply_file p = ply_begin(WH_PLY_LE);
 	write_points(&p, 1000, 10);
 	ply_end(&p);

@@ -142,7 +142,7 @@ static void write_shape(fixture *f, const shape *s)
 
 static void open_fixture(fixture *f, const shape *s)
 {
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	*f = (fixture){0};
 	testing_init(&f->t);
 	write_shape(f, s);
@@ -170,7 +170,7 @@ static void no_failure(const fixture *f)
 /* In exactly the memory that is promised; nothing but the clusters is left of it. */
 static void ingest(fixture *f, int workers, uint64_t window, size_t visits, uint32_t generation)
 {
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
 	const wh_ingest_params p = {.clusters = CLUSTERS,
 	                            .buffer = 3000,
@@ -199,7 +199,7 @@ static void ingest(fixture *f, int workers, uint64_t window, size_t visits, uint
 
 static void recut(fixture *f, int workers, uint32_t clusters)
 {
-	wh_exec ex = {workers};
+	wh_exec ex = {.workers = workers};
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
 	wh_store next = {
 	    .spill = &f->spill, .generation = f->store.generation + 1, .clusters = clusters};
@@ -431,7 +431,7 @@ static void any_budget_is_kept_to(void **state)
 	big.nv = 3000000000;
 	big.nf = 6000000000;
 	wh_ingest_params p = {.clusters = 20000};
-	wh_exec ex = {4};
+	wh_exec ex = {.workers = 4};
 	const size_t least = wh_ingest_fit(&big, 0, &ex, &p);
 	assert_int_equal(ex.workers, 1);
 	for (size_t budget = least; budget < (size_t)10 << 30; budget = budget * 5 / 4) {
@@ -511,7 +511,7 @@ static void visits_come_back_in_order_and_once(void **state)
 
 static wh_code ingest_with_failure(fixture *f, long fail_after, uint64_t window)
 {
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
 	const wh_ingest_params p = {.clusters = 3, .buffer = 3000, .window = window};
 	f->store = (wh_store){.spill = &f->spill};

@@ -372,7 +372,7 @@ static wh_code try_load(const char *path, long fail_after)
 	testing_env t;
 	wh_mesh m;
 	wh_spill spill;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	testing_init(&t);
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
 	t.mem.fail_after = fail_after;

@@ -86,7 +86,7 @@ static void check_file(char *field[FIELDS])
 	wh_input in;
 	wh_mesh m;
 	uint64_t degenerate;
-	const wh_exec ex = {2};
+	const wh_exec ex = {.workers = 2};
 	char path[1024];
 	(void)snprintf(path, sizeof path, "%s/%s", WHITTLE_DATA, field[PATH]);
 	testing_init(&t);

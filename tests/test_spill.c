@@ -148,7 +148,7 @@ static void threads_that_extend_one_file_count_it_once(void **state)
 {
 	fixture *f = *state;
 	sharing s = {&f->spill, wh_spill_create(&f->t.ctx, &f->spill, "a")};
-	const wh_exec ex = {4};
+	const wh_exec ex = {.workers = 4};
 	assert_int_equal(wh_exec_for(&f->t.ctx, &ex, 401, write_block, &s), WH_OK);
 	assert_int_equal(f->spill.held, 40100);
 	close(s.fd);

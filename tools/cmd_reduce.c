@@ -140,6 +140,13 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		              vertices_word(r->nonmanifold_kept));
 }
 
+static void print_phase(FILE *f, const char *name, const wh_phase_report *p, int threads)
+{
+	const double full = p->seconds * threads;
+	(void)fprintf(f, "  %-9s %8.2f s, threads %3.0f %% busy\n", name, p->seconds,
+	              full > 0 ? 100 * p->busy / full : 0);
+}
+
 static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_report *r)
 {
 	(void)fprintf(f, "%s: %llu faces -> %s: %llu faces, %llu vertices\n", o->params.input,
@@ -153,7 +160,7 @@ static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 	if (!o->verbose)
 		return;
 	for (int i = 0; i < WH_PHASES; i++)
-		(void)fprintf(f, "  %-9s %8.2f s\n", wh_phase_name((wh_phase)i), r->seconds[i]);
+		print_phase(f, wh_phase_name((wh_phase)i), &r->phase[i], r->threads);
 }
 
 static bool prints_output(const reduce_options *o)

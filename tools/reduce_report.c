@@ -126,6 +126,19 @@ static void put_outcome(json_t *root, const wh_reduce_report *r)
 	put_count(root, "never_free_vertices", r->never_free_vertices);
 }
 
+static void put_phase(json_t *phases, const char *name, const wh_phase_report *p)
+{
+	json_t *o = put_object(phases, name), *model = json_array();
+	put_real(o, "seconds", p->seconds);
+	put_real(o, "serial_seconds", p->serial);
+	put_real(o, "busy_seconds", p->busy);
+	for (int k = 0; k < WH_SCALING; k++)
+		(void)json_array_append_new(model, json_real(p->model[k]));
+	(void)json_object_set_new(o, "model_seconds", model);
+	put_count(o, "bytes_read", p->bytes_read);
+	put_count(o, "bytes_written", p->bytes_written);
+}
+
 static void put_costs(json_t *root, const wh_reduce_report *r)
 {
 	put_count(root, "clusters", r->clusters);
@@ -140,8 +153,11 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	put_count(root, "bytes_written", r->bytes_written);
 	json_t *s = put_object(root, "seconds");
 	for (int i = 0; i < WH_PHASES; i++)
-		put_real(s, wh_phase_name((wh_phase)i), r->seconds[i]);
+		put_real(s, wh_phase_name((wh_phase)i), r->phase[i].seconds);
 	put_real(s, "total", r->seconds_total);
+	json_t *phases = put_object(root, "phases");
+	for (int i = 0; i < WH_PHASES; i++)
+		put_phase(phases, wh_phase_name((wh_phase)i), &r->phase[i]);
 	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 }
 

@@ -8,6 +8,8 @@
 #define _GNU_SOURCE
 #include "exec/exec.h"
 
+#include "base/timer.h"
+
 #include <sched.h>
 #include <stdatomic.h>
 
@@ -15,6 +17,17 @@
 #include <omp.h>
 #include <pthread.h>
 #endif
+
+void wh_exec_note(wh_exec_stats *stats, const wh_exec_loop *loop)
+{
+	stats->loops += loop->seconds;
+	stats->busy += loop->busy;
+	for (int k = 0; k < WH_EXEC_POWERS; k++) {
+		double least = loop->busy / (1 << k);
+		least = least > loop->longest ? least : loop->longest;
+		stats->model[k] += least > loop->commits ? least : loop->commits;
+	}
+}
 
 int wh_exec_threads(int asked)
 {
@@ -99,17 +112,20 @@ static void note_failure(outcome *o, int64_t index, wh_code code, const wh_error
 	}
 }
 
-static void run_one(const wh_ctx *parent, outcome *o, wh_job job, void *arg, int64_t index,
-                    int worker)
+/* Returns the seconds that it took. */
+static double run_one(const wh_ctx *parent, outcome *o, wh_job job, void *arg, int64_t index,
+                      int worker)
 {
+	const double start = wh_seconds();
 	if (index >= atomic_load(&o->first_failed)) /* equal: the commit of a job that failed */
-		return;
+		return 0;
 	wh_ctx own = wh_ctx_fork(parent);
 	wh_code code = wh_poll(&own);
 	if (code == WH_OK)
 		code = job(&own, arg, index, worker);
 	if (code != WH_OK)
 		note_failure(o, index, code, &own.err);
+	return wh_seconds() - start;
 }
 
 static int worker_number(void)
@@ -130,34 +146,55 @@ static wh_code settle(wh_ctx *c, const outcome *o)
 	return wh_fail(c, o->err.code, "%s", o->err.text);
 }
 
+static wh_code finish(wh_ctx *c, const wh_exec *ex, const outcome *o, wh_exec_loop *loop,
+                      double start)
+{
+	loop->seconds = wh_seconds() - start;
+	if (ex->stats)
+		wh_exec_note(ex->stats, loop);
+	return settle(c, o);
+}
+
 wh_code wh_exec_for(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, void *arg)
 {
 	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
+	const double start = wh_seconds();
+	double busy = 0, longest = 0;
 #ifdef _OPENMP
 	const int workers = n > 1 ? startable(ex->workers) : 1;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(workers) if (workers > 1)
+#pragma omp parallel for schedule(dynamic, 1) num_threads(workers) if (workers > 1) \
+    reduction(+ : busy) reduction(max : longest)
 #endif
-	for (int64_t i = 0; i < n; i++)
-		run_one(c, &o, job, arg, i, worker_number());
-	(void)ex;
-	return settle(c, &o);
+	for (int64_t i = 0; i < n; i++) {
+		const double took = run_one(c, &o, job, arg, i, worker_number());
+		busy += took;
+		longest = longest > took ? longest : took;
+	}
+	return finish(c, ex, &o, &(wh_exec_loop){.busy = busy, .longest = longest}, start);
 }
 
 wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_job commit,
                         void *arg)
 {
 	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
+	const double start = wh_seconds();
+	double busy = 0, longest = 0, commits = 0;
 #ifdef _OPENMP
 	const int workers = n > 1 ? startable(ex->workers) : 1;
-#pragma omp parallel for ordered schedule(dynamic, 1) num_threads(workers) if (workers > 1)
+#pragma omp parallel for ordered schedule(dynamic, 1) num_threads(workers) if (workers > 1) \
+    reduction(+ : busy, commits) reduction(max : longest)
 #endif
 	for (int64_t i = 0; i < n; i++) {
-		run_one(c, &o, job, arg, i, worker_number());
+		double took = run_one(c, &o, job, arg, i, worker_number()), last = 0;
 #ifdef _OPENMP
 #pragma omp ordered
 #endif
-		run_one(c, &o, commit, arg, i, worker_number());
+		last = run_one(c, &o, commit, arg, i, worker_number());
+		took += last;
+		busy += took;
+		commits += last;
+		longest = longest > took ? longest : took;
 	}
-	(void)ex;
-	return settle(c, &o);
+	return finish(c, ex, &o,
+	              &(wh_exec_loop){.busy = busy, .longest = longest, .commits = commits}, start);
 }

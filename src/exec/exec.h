@@ -13,9 +13,31 @@
 
 #include "base/status.h"
 
+enum { WH_EXEC_POWERS = 9 }; /* 1, 2, 4 ... 256 workers */
+
+/* What loops took, and what they would take: see wh_exec_note. */
+typedef struct wh_exec_stats {
+	double loops;                 /* seconds from begin to end */
+	double busy;                  /* seconds that workers were at jobs and commits */
+	double model[WH_EXEC_POWERS]; /* seconds of the loops with 2^k workers */
+} wh_exec_stats;
+
 typedef struct wh_exec {
-	int workers; /* at least 1; worker numbers passed to jobs are 0 .. workers-1 */
+	int workers;          /* at least 1; worker numbers passed to jobs are 0 .. workers-1 */
+	wh_exec_stats *stats; /* each loop is added to it; NULL: nobody wants to know */
 } wh_exec;
+
+/* How a loop went. */
+typedef struct wh_exec_loop {
+	double seconds, busy;
+	double longest; /* job with its commit */
+	double commits; /* all of them: one at a time */
+} wh_exec_loop;
+
+/* Adds a loop to the stats. With p workers it would take at least a p-th of the time it kept them
+ * busy, its longest job, and its commits: the model takes the largest of the three (Graham's bound
+ * for list scheduling is no more than the sum of the first two). */
+void wh_exec_note(wh_exec_stats *stats, const wh_exec_loop *loop);
 
 /* One job. `c` is the worker's own context; `worker` tells which of its caller's scratch
  * buffers this job may use. */

@@ -5,17 +5,40 @@
 
 #include <math.h>
 
+_Static_assert((int)WH_SCALING == (int)WH_EXEC_POWERS, "the report holds what exec foretells");
+
 /* Below it smaller clusters are no advice to give. */
 enum { SMALL_CLUSTER = 64 * 1024 };
 
+static uint64_t bytes_read(wh_run *r)
+{
+	return r->report->bytes_read + atomic_load(&r->spill.bytes_read);
+}
+
+static uint64_t bytes_written(wh_run *r)
+{
+	return r->report->output_bytes + atomic_load(&r->spill.bytes_written);
+}
+
 void wh_run_phase_begin(wh_run *r)
 {
+	r->stats = (wh_exec_stats){0};
+	r->phase_read = bytes_read(r);
+	r->phase_written = bytes_written(r);
 	r->phase_start = wh_seconds();
 }
 
 wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code)
 {
-	r->report->seconds[phase] += wh_seconds() - r->phase_start;
+	const double seconds = wh_seconds() - r->phase_start, serial = seconds - r->stats.loops;
+	wh_phase_report *p = &r->report->phase[phase];
+	p->seconds += seconds;
+	p->serial += serial;
+	p->busy += serial + r->stats.busy;
+	for (int k = 0; k < WH_SCALING; k++)
+		p->model[k] += serial + r->stats.model[k];
+	p->bytes_read += bytes_read(r) - r->phase_read;
+	p->bytes_written += bytes_written(r) - r->phase_written;
 	return code;
 }
 

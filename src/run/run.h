@@ -40,6 +40,8 @@ typedef struct wh_run {
 	wh_patch patch;
 	double max_err;
 	double phase_start;
+	wh_exec_stats stats; /* of the phase so far, as are the next two */
+	uint64_t phase_read, phase_written;
 	size_t memory; /* ceiling */
 	wh_plan_sizes sizes;
 	wh_plan plan;
