@@ -43,7 +43,7 @@ typedef struct wh_reduce_params {
 	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
 	uint64_t final_faces;   /* with no more than this, the last pass is over all in memory;
-	                           else the result is streamed; 0: four clusters' */
+	                           else the result is streamed; 0: two clusters' */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */
 	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);

@@ -36,7 +36,7 @@ static const char help[] =
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
     "      --cluster-faces N (131072; 0: all one), --micro-faces N (16384; 0: none)\n"
-    "      --final-faces N   (4 clusters') from which the last pass may be over all\n"
+    "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
     "                        at once; above, it goes cluster by cluster\n";
 
 static bool is_dash(const char *name)

@@ -49,7 +49,7 @@ uint64_t wh_plan_final_limit(const wh_plan_sizes *s)
 		return s->final_faces;
 	if (s->cluster_faces == 0)
 		return UINT64_MAX;
-	return 4 * s->cluster_faces > FINAL_LEAST ? 4 * s->cluster_faces : FINAL_LEAST;
+	return 2 * s->cluster_faces > FINAL_LEAST ? 2 * s->cluster_faces : FINAL_LEAST;
 }
 
 /* The locked border of a piece of n faces is a share of about 4.4 / sqrt(n) of its vertices; a

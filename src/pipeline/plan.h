@@ -25,7 +25,7 @@ enum {
 typedef struct wh_plan_sizes {
 	uint64_t cluster_faces; /* 0: one cluster */
 	uint64_t micro_faces;   /* 0: none */
-	uint64_t final_faces;   /* 0: four clusters', but no fewer than 64 Ki */
+	uint64_t final_faces;   /* 0: two clusters', but no fewer than 64 Ki */
 } wh_plan_sizes;
 
 /* ---- decisions ---------------------------------------------------------------------------- */
