@@ -234,6 +234,18 @@ typedef enum verdict {
 
 /* ---- changes of topology ------------------------------------------------------------------ */
 
+/*
+ * The squared size counts for so much: what is closed or cut moves by less than half of it. RMS in
+ * millionths, CT skull at 1 and 0.1 %, dragon at 0.1 %, mouse skull at 1 %:
+ *
+ *     cut 1, shell 1          1551    10901    2376    4330
+ *     cut 0.25, shell 1       1391     7581    2230    3700
+ *     cut 0.15, shell 2       1311     7573    2158    3608
+ *     cut 0.1, shell 2        1358     8089    2404    3822
+ *     cut 0.05, shell 1       1473     6426    2087    4188
+ */
+static const double CUT_SHARE = 0.15, SHELL_SHARE = 2;
+
 static void enqueue_anew(wh_engine *e, uint32_t v)
 {
 	wh_queue_remove(&e->w->queue, v);
@@ -267,7 +279,8 @@ static wh_code try_surgery(wh_engine *e, uint32_t i, uint32_t bucket, verdict *o
 	const double err = isfinite(e->params->max_err) ? wh_surgery_distance(e, s) : 0;
 	if (!(err <= e->params->max_err))
 		return WH_OK;
-	const double weight = f->weight.at[i], cost = fmax(f->cost.at[i], weight * s->size2);
+	const double weight = f->weight.at[i],
+	             cost = fmax(f->cost.at[i], CUT_SHARE * weight * s->size2);
 	if (!(cost <= e->params->max_cost))
 		return WH_OK;
 	f->cost.at[i] = cost;
@@ -285,7 +298,7 @@ static wh_code try_shell(wh_engine *e, uint32_t v, uint32_t bucket, verdict *out
 	wh_shell s;
 	if (!wh_shell_find(e, v, &s) || overshoots(e, s.faces))
 		return WH_OK;
-	const double cost = s.weight * s.size2, err = (double)s.err + sqrt(s.size2);
+	const double cost = SHELL_SHARE * s.weight * s.size2, err = (double)s.err + sqrt(s.size2);
 	if (!(cost <= e->params->max_cost) || !(err <= e->params->max_err))
 		return WH_OK;
 	if (wh_queue_bucket(&e->w->queue, cost) > bucket + slack(e)) {

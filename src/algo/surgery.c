@@ -18,8 +18,9 @@
  *   shell   a part of a few faces with no collapse left in it goes as a whole.
  *
  * Sizes. Each is held back until its size, the longest edge of the triangle, the edge, or the
- * diagonal of the shell, is below the error of the moment: it waits in the queue at size^2 times
- * the weight of the faces around, as a collapse that moved them all by that much would.
+ * diagonal of the shell, is about that of the error of the moment: it waits in the queue at size^2
+ * times the weight of the faces around, as a collapse that moved them all by that much would, times
+ * a constant.
  *
  * Invariants: as for a collapse; none of the vertices is locked but perhaps neighbours, and no edge
  * between locked vertices is made.
