@@ -4,7 +4,7 @@
  * on it, and a surface has no holes however small its faces are. Most faces of a large mesh lie
  * between the samples and are done with after a look at their box.
  *
- * A sample is one number, depth above colour, and drawing is its minimum: without locks, and the
+ * A sample is one number, nearness above colour, and drawing is its maximum: without locks, and the
  * same in any order. The colour is made before it is stored, for samples that are not hidden by
  * what is there already, so nothing has to be looked up again when all faces have passed.
  *
@@ -23,11 +23,12 @@ enum {
 	SUM_BITS = 21
 };
 
-static const float SUM_SCALE = 16384;        /* of a normal of weight 1 in a sum */
-static const float CREASE = 0.6F;            /* cosine: sharper corners are not smoothed */
-static const float EDGE_WIDTH = 0.55F;       /* pixels of an edge on each of its sides */
-static const float EDGE_FADE[2] = {1.5F, 9}; /* height of a face, pixels: no edges, full edges */
-static const float EDGE_LIGHT = 0.012F;
+static const float SUM_SCALE = 16384;       /* of a normal of weight 1 in a sum */
+static const float CREASE = 0.6F;           /* cosine: sharper corners are not smoothed */
+static const float EDGE_WIDTH = 0.5F;       /* pixels of an edge on each of its sides */
+static const float LENGTH_FADE[2] = {1, 6}; /* of an edge, pixels: not seen, fully seen; ... */
+static const float HEIGHT_FADE[2] = {1, 7}; /* ... so for the height of its face */
+static const float EDGE_LIGHT = 0.02F;
 
 /* The C library's fmin and fmax care for what is not a number, and are calls. */
 static inline float at_least(float x, float least)
@@ -137,7 +138,7 @@ void wh_render_normals(const wh_camera *k, const wh_spot *const corner[3], wh_no
  */
 static const vec3f KEY = {-0.4364F, -0.5819F, -0.6862F};
 static const vec3f HALFWAY = {-0.2377F, -0.3169F, -0.9182F}; /* between key and viewer */
-static const float KEY_LIGHT = 0.62F, HEAD_LIGHT = 0.20F, SKY_LIGHT = 0.16F, GROUND_LIGHT = 0.06F;
+static const float KEY_LIGHT = 0.68F, HEAD_LIGHT = 0.18F, SKY_LIGHT = 0.17F, GROUND_LIGHT = 0.06F;
 static const float GLOSS = 0.05F;
 static const float WRAP = 0.2F; /* of the key light reaches beyond where its rays graze */
 
@@ -177,19 +178,19 @@ static inline float light_of(uint32_t colour, int shift)
 
 /* ---- samples -------------------------------------------------------------------------------- */
 
-/* Whole numbers in the order of the floats. */
+/* Whole numbers in the order of the floats, upside down. */
 static inline uint64_t depth_key(float depth)
 {
 	uint32_t u;
 	depth += 0.0F; /* one zero */
 	memcpy(&u, &depth, sizeof u);
-	return (uint64_t)(u & 0x80000000U ? ~u : u | 0x80000000U) << 32;
+	return (uint64_t)(u & 0x80000000U ? u : ~u & 0x7fffffffU) << 32;
 }
 
 static inline float depth_of(uint64_t sample)
 {
 	const uint32_t key = (uint32_t)(sample >> 32);
-	const uint32_t u = key & 0x80000000U ? key & 0x7fffffffU : ~key;
+	const uint32_t u = key & 0x80000000U ? key : ~key & 0x7fffffffU;
 	float depth;
 	memcpy(&depth, &u, sizeof depth);
 	return depth;
@@ -198,13 +199,13 @@ static inline float depth_of(uint64_t sample)
 /* Nothing nearer is there yet. */
 static inline bool may_show(wh_sample *s, uint64_t key)
 {
-	return key <= atomic_load_explicit(s, memory_order_relaxed);
+	return (key | UINT32_MAX) > atomic_load_explicit(s, memory_order_relaxed);
 }
 
 static inline void put(wh_sample *s, uint64_t value)
 {
 	uint64_t old = atomic_load_explicit(s, memory_order_relaxed);
-	while (value < old && !atomic_compare_exchange_weak_explicit(
+	while (value > old && !atomic_compare_exchange_weak_explicit(
 	                          s, &old, value, memory_order_relaxed, memory_order_relaxed)) {
 	}
 }
@@ -219,6 +220,7 @@ typedef struct spot {
 typedef struct edge {
 	int64_t at, dx, dy; /* in the middle of the first sample; for a sample to the right, down */
 	float per_pixel;    /* distance from the line: this times `at` */
+	float seen;         /* how much of it, 0 .. 1 */
 } edge;
 
 typedef struct face {
@@ -230,7 +232,6 @@ typedef struct face {
 	bool bias[3];           /* samples on the edge are the other face's */
 	double per_area;
 	bool front;
-	float edges; /* how much of them is seen, 0 .. 1 */
 } face;
 
 /* What is known of a face once its first sample has to be coloured. */
@@ -288,21 +289,28 @@ static inline void set_edge(face *f, int i, spot p, spot q)
 	f->edge[i].dy = dx * STEP;
 }
 
-/* How far inside the edges a sample is, in pixels, tells whether it is on one of them. */
+static float fade(double x, const float between[2])
+{
+	const float t = within_one(((float)x - between[0]) / (between[1] - between[0]));
+	return t * t * (3 - 2 * t);
+}
+
+/* How far inside the edges a sample is, in pixels, tells whether it is on one of them. Both faces
+ * of an edge find the same length; only where they are thin, as at the rim, do they differ. */
 static void set_edge_widths(face *f, const spot p[3], double area)
 {
+	const double pixel = (double)STEP * f->look->samples;
 	double longest = 0;
 	for (int i = 0; i < 3; i++) {
 		const spot *a = &p[(i + 1) % 3], *b = &p[(i + 2) % 3];
 		const double x = (double)(b->x - a->x), y = (double)(b->y - a->y);
 		const double length = sqrt(x * x + y * y);
-		f->edge[i].per_pixel = (float)(1 / (length * STEP * f->look->samples));
+		f->edge[i].per_pixel = (float)(1 / (length * pixel));
+		f->edge[i].seen = fade(length / pixel, LENGTH_FADE);
 		longest = fmax(longest, length);
 	}
-	const float height = (float)(area / (longest * STEP * f->look->samples));
-	const float t = (height - EDGE_FADE[0]) / (EDGE_FADE[1] - EDGE_FADE[0]);
-	const float u = within_one(t);
-	f->edges = u * u * (3 - 2 * u);
+	for (int i = 0; i < 3; i++)
+		f->edge[i].seen *= fade(area / (longest * pixel), HEIGHT_FADE);
 }
 
 /* False when it covers no sample of the canvas for sure. */
@@ -321,7 +329,6 @@ static inline bool set_up(const wh_canvas *v, const wh_look *look, const wh_spot
 	f->front = area < 0; /* seen counter-clockwise, with y down */
 	const int second = f->front ? 2 : 1, third = f->front ? 1 : 2;
 	f->look = look;
-	f->edges = 0;
 	set_edge(f, 0, p[second], p[third]);
 	set_edge(f, second, p[third], p[0]);
 	set_edge(f, third, p[0], p[second]);
@@ -357,12 +364,14 @@ static inline vec3f mixed(const vec3f v[3], const float w[3])
 	               v[0].z * w[0] + v[1].z * w[1] + v[2].z * w[2]};
 }
 
-static bool on_an_edge(const face *f, const int64_t at[3])
+/* How much of an edge is seen at a sample: 0 beside them. */
+static float edge_at(const face *f, const int64_t at[3])
 {
+	float seen = 0;
 	for (int i = 0; i < 3; i++)
 		if ((float)at[i] * f->edge[i].per_pixel < EDGE_WIDTH)
-			return true;
-	return false;
+			seen = at_least(seen, f->edge[i].seen);
+	return seen;
 }
 
 static uint32_t colour_of(const face *f, paint *p, const int64_t at[3], const float w[3])
@@ -378,7 +387,7 @@ static uint32_t colour_of(const face *f, paint *p, const int64_t at[3], const fl
 		rgb[1] = own.y;
 		rgb[2] = own.z;
 	}
-	const float edges = f->edges > 0 && on_an_edge(f, at) ? f->edges : 0;
+	const float edges = f->look->wireframe ? edge_at(f, at) : 0;
 	for (int i = 0; i < 3; i++) {
 		rgb[i] = rgb[i] * light + gloss;
 		rgb[i] += (EDGE_LIGHT - rgb[i]) * edges;
@@ -481,9 +490,9 @@ typedef struct pixel_sum {
 
 static inline void add_sample(pixel_sum *p, uint64_t sample, int place)
 {
-	if (sample == WH_SAMPLE_NONE)
+	if (sample == 0)
 		return;
-	if (p->covered == 0 || sample < p->nearest) {
+	if (sample > p->nearest) {
 		p->nearest = sample;
 		p->place = place;
 	}
@@ -510,13 +519,17 @@ void wh_render_row(const wh_canvas *v, int samples, uint32_t row, wh_pixel *out)
 {
 	const uint32_t n = (uint32_t)samples;
 	for (uint32_t x = 0; x < v->w / n; x++) {
-		pixel_sum p = {.nearest = WH_SAMPLE_NONE};
+		pixel_sum p = {0};
 		for (uint32_t j = 0; j < n; j++) {
-			const wh_sample *s =
+			wh_sample *s =
 			    v->sample + (size_t)(row * n + j - v->y0) * v->w + (size_t)x * n;
-			for (uint32_t i = 0; i < n; i++)
-				add_sample(&p, atomic_load_explicit(s + i, memory_order_relaxed),
-				           (int)(j * n + i));
+			for (uint32_t i = 0; i < n; i++) {
+				const uint64_t sample =
+				    atomic_load_explicit(s + i, memory_order_relaxed);
+				add_sample(&p, sample, (int)(j * n + i));
+				if (sample)
+					atomic_store_explicit(s + i, 0, memory_order_relaxed);
+			}
 		}
 		out[x] = pixel_of(&p);
 	}

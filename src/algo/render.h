@@ -24,10 +24,8 @@ enum { WH_RENDER_SAMPLES_MOST = 8 }; /* along the side of a pixel */
 
 /* ---- faces to samples ----------------------------------------------------------------------- */
 
-/* Depth above, colour below: the least is the nearest. */
+/* Nearness above, colour below: the greatest is the nearest. 0: nothing is there. */
 typedef _Atomic uint64_t wh_sample;
-
-#define WH_SAMPLE_NONE UINT64_MAX
 
 typedef struct wh_canvas {
 	uint32_t w, h;   /* samples of the whole picture */
@@ -79,7 +77,8 @@ typedef struct wh_pixel {
 	uint16_t light[3]; /* mean of those, as light: 65535 is white */
 } wh_pixel;
 
-/* Makes a row of pixels from the canvas, which holds all its rows of samples. */
+/* Makes a row of pixels from the canvas, which holds all its rows of samples, and empties these:
+ * the canvas is ready for other rows then. */
 void wh_render_row(const wh_canvas *v, int samples, uint32_t row, wh_pixel *out);
 
 /* The point of the picture that a pixel's nearest sample shows. */

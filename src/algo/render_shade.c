@@ -13,8 +13,8 @@
 enum { PAIRS = 8, DISTANCES = 3, TAPS = PAIRS * DISTANCES };
 
 static const double REACH[DISTANCES] = {0.0035, 0.011, 0.032}; /* of the picture's smaller side */
-static const float STEEP = 3;    /* slope from which on a neighbour is another part */
-static const float DEEP = 1.25F; /* strength in hollows, on ridges */
+static const float STEEP = 3;   /* slope from which on a neighbour is another part */
+static const float DEEP = 1.6F; /* strength in hollows, on ridges */
 static const float HIGH = 0.22F;
 static const float BRIGHTEST = 1.12F;
 

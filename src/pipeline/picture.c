@@ -18,7 +18,7 @@ enum {
 	SAMPLE_BYTES = sizeof(wh_sample)
 };
 
-static const float CLAY[3] = {0.66F, 0.62F, 0.56F};
+static const float CLAY[3] = {0.78F, 0.735F, 0.665F};
 static const float PLAIN[3] = {0.94F, 0.94F, 0.94F}; /* below other colours */
 static const double FLAT = 0.5;                      /* height over width of what lies flat */
 static const wh_view THREE_QUARTERS = {30, 16}, FROM_ABOVE = {30, 38};
@@ -189,13 +189,6 @@ static wh_code share_memory(const wh_draw *d, wh_exec *ex, wh_scene_params *s, u
 	return WH_OK;
 }
 
-static void clear(const wh_canvas *v)
-{
-	const size_t n = (size_t)(v->y1 - v->y0) * v->w;
-	for (size_t i = 0; i < n; i++)
-		atomic_store_explicit(&v->sample[i], WH_SAMPLE_NONE, memory_order_relaxed);
-}
-
 typedef struct resolving {
 	const wh_canvas *canvas;
 	const wh_draw *d;
@@ -219,7 +212,7 @@ static wh_code draw_bands(wh_draw *d, const wh_exec *ex, wh_scene *scene, uint64
 	const uint32_t n = (uint32_t)d->p->samples, height = d->p->height;
 	const uint64_t bands = (height + rows - 1) / rows;
 	wh_canvas v = {.w = d->p->width * n, .h = height * n};
-	v.sample = wh_alloc(d->c, (size_t)rows * n * v.w, sizeof *v.sample);
+	v.sample = wh_calloc(d->c, (size_t)rows * n * v.w, sizeof *v.sample);
 	wh_code code = d->c->err.code;
 	d->r->bands = bands > d->r->bands ? bands : d->r->bands;
 	wh_progress_phase(&d->progress, "draw", bands * items);
@@ -228,7 +221,6 @@ static wh_code draw_bands(wh_draw *d, const wh_exec *ex, wh_scene *scene, uint64
 		resolving s = {&v, d, pixels};
 		v.y0 = y * n;
 		v.y1 = end * n;
-		clear(&v);
 		code = wh_scene_draw(d->c, scene, &v);
 		if (code == WH_OK)
 			code = wh_exec_for(d->c, ex, end - y, resolve_job, &s);
@@ -283,7 +275,6 @@ static wh_code draw_cell(wh_draw *d, wh_draw_cell *cell)
 static wh_code reserve_pixels(wh_draw *d)
 {
 	const size_t cell = (size_t)d->p->width * d->p->height;
-	wh_draw_lay_out(d);
 	const size_t sheet = (size_t)d->sheet.w * d->sheet.h * 4;
 	const size_t all = cell * sizeof(wh_pixel) * (size_t)d->p->ncells + sheet;
 	if (d->sheet.w > WH_PICTURE_SIDE_MOST || d->sheet.h > WH_PICTURE_SIDE_MOST)
@@ -376,7 +367,12 @@ wh_code wh_picture(wh_ctx *c, const wh_exec *ex, const wh_picture_params *p, wh_
 	    .memory = p->memory ? p->memory : wh_topo_memory() / 2,
 	    .progress = {.fn = p->progress, .user = p->progress_user, .telling = ATOMIC_FLAG_INIT}};
 	wh_outfile *out = NULL;
+	wh_picture_params own = *p; /* a legend takes its place from the picture */
 	const size_t old_limit = c->mem->limit;
+	d.p = &own;
+	wh_draw_lay_out(&d);
+	if (!p->labels && d.legend < p->height / 2)
+		own.height -= d.legend;
 	*r = (wh_picture_report){0};
 	wh_code code = wh_png_available(c);
 	if (code != WH_OK)

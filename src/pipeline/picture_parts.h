@@ -46,7 +46,7 @@ typedef struct wh_draw {
  * read. */
 wh_code wh_draw_find_colours(wh_ctx *c, wh_draw_file *f);
 
-/* Columns, lines, and the size of the sheet. */
+/* Columns, lines, and the size of the sheet, from the parameters alone. */
 void wh_draw_lay_out(wh_draw *d);
 
 /* Measures the distances of all pixels from the other mesh, and finds their range. */

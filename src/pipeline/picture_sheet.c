@@ -12,7 +12,7 @@ enum {
 	WORDS = WH_PICTURE_NAME * 2
 };
 
-static const double TEXT = 1.0 / 42; /* size of capitals, of a cell's height */
+static const double TEXT = 1.0 / 48; /* size of capitals, of a cell's height */
 
 static double text_size(const wh_draw *d)
 {
@@ -41,9 +41,10 @@ void wh_draw_lay_out(wh_draw *d)
 	d->columns = columns;
 	d->lines = (n + columns - 1) / columns;
 	d->label = d->p->labels ? (uint32_t)(2.6 * text_size(d)) : 0;
-	d->legend = d->p->labels && d->p->distance_to ? (uint32_t)(5.5 * text_size(d)) : 0;
+	d->legend = d->p->distance_to ? (uint32_t)(6.4 * text_size(d)) : 0;
 	d->sheet.w = d->p->width * (uint32_t)d->columns;
-	d->sheet.h = (d->p->height + d->label) * (uint32_t)d->lines + d->legend;
+	d->sheet.h = (d->p->height + d->label) * (uint32_t)d->lines;
+	d->sheet.h += d->p->labels ? d->legend : 0;
 }
 
 static uint32_t left_of(const wh_draw *d, int cell)
@@ -188,7 +189,7 @@ static void draw_number(const wh_draw *d, const bar *b, int step, double size)
 	char text[NUMBER];
 	(void)snprintf(text, sizeof text, "%.4g%s", range * share, more ? "+" : "");
 	const double wide = wh_render_text(NULL, 0, 0, size, text, d->p->background);
-	const double x = b->x + b->w * share - wide * (step == 0 ? 0 : share);
+	const double x = b->x + (b->w - wide) * share;
 	(void)wh_render_text(&d->sheet, x, b->y + b->h + 1.7 * size, size, text, word_colour(d));
 }
 
@@ -198,7 +199,7 @@ static void draw_legend(const wh_draw *d)
 	const double size = text_size(d), margin = 1.3 * size;
 	char words[WORDS];
 	bar b = {.x = floor(margin), .h = ceil(0.9 * size)};
-	b.w = floor(fmin(d->p->width * 0.32, d->sheet.w - 2 * margin));
+	b.w = floor(fmin(d->p->width * 0.4, d->sheet.w - 2 * margin));
 	b.y = floor(d->sheet.h - margin - 1.7 * size - b.h);
 	(void)snprintf(words, sizeof words, "distance to %.*s", WH_PICTURE_NAME,
 	               name_of(d->p->distance_to));
