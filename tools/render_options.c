@@ -195,7 +195,7 @@ static bool take_value(render_options *o, int opt, const char *arg)
 	case OPT_UP:
 		return parse_up(arg, &p->up);
 	case OPT_ZOOM:
-		return parse_positive(arg, 0.001, 1000, &p->zoom);
+		return parse_positive(arg, 0.01, 100, &p->zoom);
 	case OPT_BACKGROUND:
 		return parse_colour(arg, &p->background);
 	case OPT_SAMPLES:

@@ -1,6 +1,6 @@
 /*
  * Idea. The z-buffer (Catmull 1974) with edge functions (Pineda 1988) in whole numbers: corners
- * are rounded to 1/256 of a sample, so that two faces with a common edge agree about every sample
+ * are rounded to 1/1024 of a sample, so that two faces with a common edge agree about every sample
  * on it, and a surface has no holes however small its faces are. Most faces of a large mesh lie
  * between the samples and are done with after a look at their box.
  *
@@ -16,12 +16,16 @@
 #include <string.h>
 
 enum {
-	STEP_BITS = 8, /* of a sample's side: places of corners */
+	STEP_BITS = 10, /* of a sample's side: places of corners */
 	STEP = 1 << STEP_BITS,
 	COLOUR_BITS = 10, /* of a channel */
 	COLOUR_MOST = (1 << COLOUR_BITS) - 1,
 	SUM_BITS = 21
 };
+
+/* Corners are at most WH_CAMERA_MOST = 2^19 samples from the middle, and samples no more than 2^17:
+ * 2^30 steps between them, and 2^61 for the difference of two products. */
+_Static_assert(WH_CAMERA_MOST *STEP == 0x1p29, "products of steps fit 64 bits");
 
 static const float SUM_SCALE = 16384;       /* of a normal of weight 1 in a sum */
 static const float CREASE = 0.6F;           /* cosine: sharper corners are not smoothed */

@@ -14,7 +14,7 @@ enum {
 	OPEN_BYTES = 32 * 1024 * 1024,    /* enough to look at the input and refuse it in words */
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	SPARE_BYTES = 2 * 1024 * 1024,    /* libpng, rounding of blocks to pages */
-	WINDOW_LEAST = 64 * 1024,         /* vertices */
+	WINDOW_LEAST = 16 * 1024,         /* vertices */
 	SAMPLE_BYTES = sizeof(wh_sample)
 };
 
