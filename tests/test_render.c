@@ -11,6 +11,25 @@ enum { SIDE = 64 };
 
 /* ---- samples -------------------------------------------------------------------------------- */
 
+/* The place of a sample among those of a canvas. */
+static size_t at(int x, int y)
+{
+	const wh_canvas v = {SIDE, SIDE, 0, SIDE, NULL};
+	return wh_canvas_row(&v, (uint32_t)y) + wh_canvas_column((uint32_t)x);
+}
+
+static void places_of_samples_are_all_different(void **state)
+{
+	(void)state;
+	static bool taken[SIDE * SIDE];
+	assert_int_equal(wh_canvas_samples(SIDE, SIDE), SIDE * SIDE);
+	for (int y = 0; y < SIDE; y++)
+		for (int x = 0; x < SIDE; x++) {
+			assert_true(at(x, y) < SIDE * SIDE && !taken[at(x, y)]);
+			taken[at(x, y)] = true;
+		}
+}
+
 static wh_camera plain_camera(void)
 {
 	wh_camera k;
@@ -151,7 +170,7 @@ static void the_nearer_face_is_seen_in_any_order(void **state)
 	for (int y = 4; y < SIDE - 4; y++)
 		for (int x = 4; x < SIDE - y - 4; x++)
 			if (x < SIDE / 2 - 1 || x > SIDE / 2)
-				assert_int_equal(ab[y * SIDE + x] == a[y * SIDE + x], x < SIDE / 2);
+				assert_int_equal(ab[at(x, y)] == a[at(x, y)], x < SIDE / 2);
 }
 
 static void both_sides_of_a_face_look_the_same(void **state)
@@ -187,7 +206,7 @@ static void edges_are_drawn_darker(void **state)
 	draw(a, &look, p[0], p[1], p[2]);
 	look.wireframe = true;
 	draw(b, &look, p[0], p[1], p[2]);
-	const int inside = 20 * SIDE + 20, rim = 2 * SIDE + 20;
+	const size_t inside = at(20, 20), rim = at(20, 2);
 	assert_true(a[inside] == b[inside]);
 	assert_true((uint32_t)b[rim] < (uint32_t)a[rim]);
 }
@@ -224,8 +243,7 @@ static void sums_of_normals_are_those_of_a_sphere(void **state)
 	draw(flat, &look, level[0], level[1], level[2]);
 	for (int y = 24; y < 40; y++) /* as a level face's */
 		for (int x = 24; x < 40; x++) {
-			const uint32_t a = smooth[y * SIDE + x] & 1023,
-			               b = flat[y * SIDE + x] & 1023;
+			const uint32_t a = smooth[at(x, y)] & 1023, b = flat[at(x, y)] & 1023;
 			assert_true(a + 4 > b && b + 4 > a);
 		}
 }
@@ -499,6 +517,7 @@ static void refused_memory_leaves_nothing_behind(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(places_of_samples_are_all_different),
 	    cmocka_unit_test(two_faces_of_an_edge_share_no_sample_and_miss_none),
 	    cmocka_unit_test(a_sheet_of_faces_below_a_sample_has_no_holes),
 	    cmocka_unit_test(a_face_covers_as_much_as_its_area),

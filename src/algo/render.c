@@ -441,11 +441,11 @@ void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *cons
 	for (int64_t y = f.y0; y <= f.y1; y++) {
 		int64_t i0, i1;
 		find_span(&f, row, &i0, &i1);
-		wh_sample *s = v->sample + (size_t)(y - v->y0) * v->w + (size_t)f.x0;
+		wh_sample *s = v->sample + wh_canvas_row(v, (uint32_t)y);
 		for (int64_t i = i0; i <= i1; i++) {
 			const int64_t at[3] = {row[0] + i * f.edge[0].dx, row[1] + i * f.edge[1].dx,
 			                       row[2] + i * f.edge[2].dx};
-			draw_sample(s + i, &f, &p, at);
+			draw_sample(s + wh_canvas_column((uint32_t)(f.x0 + i)), &f, &p, at);
 		}
 		for (int i = 0; i < 3; i++)
 			row[i] += f.edge[i].dy;
@@ -479,7 +479,9 @@ void wh_canvas_point(const wh_canvas *v, const wh_look *look, const wh_spot *poi
 		for (int64_t i = x0; i <= x1; i++) {
 			const double dx = (double)i - x, dy = (double)j - y;
 			if (dx * dx + dy * dy <= r * r)
-				put(v->sample + (size_t)(j - v->y0) * v->w + (size_t)i, value);
+				put(v->sample + wh_canvas_row(v, (uint32_t)j) +
+				        wh_canvas_column((uint32_t)i),
+				    value);
 		}
 }
 
@@ -524,16 +526,13 @@ void wh_render_row(const wh_canvas *v, int samples, uint32_t row, wh_pixel *out)
 	const uint32_t n = (uint32_t)samples;
 	for (uint32_t x = 0; x < v->w / n; x++) {
 		pixel_sum p = {0};
-		for (uint32_t j = 0; j < n; j++) {
-			wh_sample *s =
-			    v->sample + (size_t)(row * n + j - v->y0) * v->w + (size_t)x * n;
-			for (uint32_t i = 0; i < n; i++) {
-				const uint64_t sample =
-				    atomic_load_explicit(s + i, memory_order_relaxed);
-				add_sample(&p, sample, (int)(j * n + i));
-				if (sample)
-					atomic_store_explicit(s + i, 0, memory_order_relaxed);
-			}
+		for (uint32_t k = 0; k < n * n; k++) {
+			wh_sample *s = v->sample + wh_canvas_row(v, row * n + k / n) +
+			               wh_canvas_column(x * n + k % n);
+			const uint64_t sample = atomic_load_explicit(s, memory_order_relaxed);
+			add_sample(&p, sample, (int)k);
+			if (sample)
+				atomic_store_explicit(s, 0, memory_order_relaxed);
 		}
 		out[x] = pixel_of(&p);
 	}

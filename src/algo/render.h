@@ -27,11 +27,42 @@ enum { WH_RENDER_SAMPLES_MOST = 8 }; /* along the side of a pixel */
 /* Nearness above, colour below: the greatest is the nearest. 0: nothing is there. */
 typedef _Atomic uint64_t wh_sample;
 
+/*
+ * Samples lie in tiles of 32 x 16, a page of memory each, and in these in pieces of 4 x 2, a cache
+ * line each: faces that follow each other are near each other, but not always side by side.
+ */
 typedef struct wh_canvas {
 	uint32_t w, h;   /* samples of the whole picture */
 	uint32_t y0, y1; /* rows y0 .. y1-1 of it are here */
 	wh_sample *sample;
 } wh_canvas;
+
+enum { WH_TILE_W = 32, WH_TILE_H = 16, WH_TILE = WH_TILE_W * WH_TILE_H };
+
+/* Tiles side by side in a canvas of this width. */
+static inline size_t wh_canvas_across(uint32_t w)
+{
+	return ((size_t)w + WH_TILE_W - 1) / WH_TILE_W;
+}
+
+/* Samples that a canvas of so many rows takes, all zero to begin with. */
+static inline size_t wh_canvas_samples(uint32_t w, uint32_t rows)
+{
+	return wh_canvas_across(w) * (((size_t)rows + WH_TILE_H - 1) / WH_TILE_H) * WH_TILE;
+}
+
+/* Where a sample is: the sum of one number for its row and one for its column. */
+static inline size_t wh_canvas_row(const wh_canvas *v, uint32_t y)
+{
+	const uint32_t r = y - v->y0;
+	return r / WH_TILE_H * wh_canvas_across(v->w) * WH_TILE + r % WH_TILE_H / 2 * 64 +
+	       r % 2 * 4;
+}
+
+static inline size_t wh_canvas_column(uint32_t x)
+{
+	return (size_t)(x / WH_TILE_W) * WH_TILE + x % WH_TILE_W / 4 * 8 + x % 4;
+}
 
 /* A vertex as the canvas sees it: as wh_camera_project gives it. 16 bytes, so that one look into
  * a large table brings all of it. */

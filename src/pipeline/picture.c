@@ -14,8 +14,7 @@ enum {
 	OPEN_BYTES = 32 * 1024 * 1024,    /* enough to look at the input and refuse it in words */
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	SPARE_BYTES = 2 * 1024 * 1024,    /* libpng, rounding of blocks to pages */
-	WINDOW_LEAST = 16 * 1024,         /* vertices */
-	SAMPLE_BYTES = sizeof(wh_sample)
+	WINDOW_LEAST = 16 * 1024          /* vertices */
 };
 
 static const float CLAY[3] = {0.78F, 0.735F, 0.665F};
@@ -155,35 +154,46 @@ static wh_code make_camera(wh_draw *d, const wh_picture_cell *cell, wh_camera *k
 
 /* ---- a cell --------------------------------------------------------------------------------- */
 
-/* Bytes of the samples of a row of pixels. */
-static size_t row_bytes(const wh_draw *d)
+/* Bytes of the samples of so many rows of pixels. */
+static size_t rows_bytes(const wh_draw *d, uint32_t rows)
 {
-	const size_t n = (size_t)d->p->samples;
-	return d->p->width * n * n * SAMPLE_BYTES;
+	const uint32_t n = (uint32_t)d->p->samples;
+	return wh_canvas_samples(d->p->width * n, rows * n) * sizeof(wh_sample);
 }
 
-/* Rows at a time and vertices at a time, so that both fit. */
+/* The most rows of pixels that fit in so many bytes; 1 at least. */
+static uint32_t rows_in(const wh_draw *d, size_t bytes)
+{
+	uint32_t lo = 1, hi = d->p->height;
+	while (lo < hi) {
+		const uint32_t mid = hi - (hi - lo) / 2;
+		if (rows_bytes(d, mid) <= bytes)
+			lo = mid;
+		else
+			hi = mid - 1;
+	}
+	return lo;
+}
+
+/* Rows at a time and vertices at a time, so that both fit: the vertices whole when they leave half
+ * of the room, else as many as half of it holds. */
 static wh_code share_memory(const wh_draw *d, wh_exec *ex, wh_scene_params *s, uint32_t *rows)
 {
-	const size_t all = budget(d), row = row_bytes(d), canvas = row * d->p->height;
-	const size_t room = all > SPARE_BYTES ? all - SPARE_BYTES : 0;
+	const size_t all = budget(d), room = all > SPARE_BYTES ? all - SPARE_BYTES : 0;
+	const size_t each = sizeof(wh_spot) + sizeof(wh_normal_sum);
 	s->window = d->p->window;
 	while (ex->workers > 1 && (size_t)ex->workers * WH_DRAW_WORKER_BYTES > room / 4)
 		ex->workers--;
-	size_t scene = wh_scene_bytes(s, ex), band = canvas;
-	if (scene + band > room) {
-		band = room > scene + room / 2 ? room - scene : room / 2;
-		band = band < row ? row : band < canvas ? band : canvas;
-	}
-	if (scene + band > room) {
-		const size_t each = sizeof(wh_spot) + sizeof(wh_normal_sum);
+	size_t scene = wh_scene_bytes(s, ex);
+	*rows = rows_in(d, room > scene + room / 2 ? room - scene : room / 2);
+	if (scene + rows_bytes(d, *rows) > room) {
 		s->window = WINDOW_LEAST;
 		scene = wh_scene_bytes(s, ex);
-		if (scene + band > room)
-			return too_small(d, "the picture", scene + row + SPARE_BYTES);
-		s->window += (room - band - scene) / each;
+		if (scene + rows_bytes(d, *rows) > room)
+			return too_small(d, "the picture",
+			                 2 * (scene + rows_bytes(d, 1)) + SPARE_BYTES);
+		s->window += (room - rows_bytes(d, *rows) - scene) / each;
 	}
-	*rows = (uint32_t)(band / row);
 	if (d->p->band && d->p->band < *rows)
 		*rows = d->p->band;
 	return WH_OK;
@@ -212,7 +222,7 @@ static wh_code draw_bands(wh_draw *d, const wh_exec *ex, wh_scene *scene, uint64
 	const uint32_t n = (uint32_t)d->p->samples, height = d->p->height;
 	const uint64_t bands = (height + rows - 1) / rows;
 	wh_canvas v = {.w = d->p->width * n, .h = height * n};
-	v.sample = wh_calloc(d->c, (size_t)rows * n * v.w, sizeof *v.sample);
+	v.sample = wh_calloc(d->c, wh_canvas_samples(v.w, rows * n), sizeof *v.sample);
 	wh_code code = d->c->err.code;
 	d->r->bands = bands > d->r->bands ? bands : d->r->bands;
 	wh_progress_phase(&d->progress, "draw", bands * items);
@@ -282,7 +292,7 @@ static wh_code reserve_pixels(wh_draw *d)
 		               "the picture would have %u x %u pixels; %d a side are the most",
 		               d->sheet.w, d->sheet.h, WH_PICTURE_SIDE_MOST);
 	if (all > budget(d))
-		return too_small(d, "the picture", all + row_bytes(d) + SPARE_BYTES);
+		return too_small(d, "the picture", all + rows_bytes(d, 1) + SPARE_BYTES);
 	d->sheet.rgba = wh_alloc(d->c, sheet, 1);
 	for (int i = 0; i < d->p->ncells; i++) {
 		d->cell[i].what = &d->p->cells[i];
