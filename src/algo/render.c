@@ -454,12 +454,14 @@ void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *cons
 
 /* ---- points --------------------------------------------------------------------------------- */
 
-static uint32_t colour_of_point(const wh_look *look, const wh_spot *s)
+/* The colour where a small ball has this normal. */
+static uint32_t colour_of_point(const wh_look *look, const wh_spot *point, vec3f n)
 {
-	const float light = KEY_LIGHT + HEAD_LIGHT / 2;
-	float rgb[3];
+	float gloss, rgb[3];
+	const float light = shade(n, &gloss);
 	for (int i = 0; i < 3; i++) {
-		const float own = look->colours ? light_of(s->colour, 16 - 8 * i) : look->base[i];
+		const float own =
+		    look->colours ? light_of(point->colour, 16 - 8 * i) : look->base[i];
 		rgb[i] = own * light;
 	}
 	return encode(rgb);
@@ -474,14 +476,18 @@ void wh_canvas_point(const wh_canvas *v, const wh_look *look, const wh_spot *poi
 	const int64_t x0 = most((int64_t)ceil(x - r), 0), y0 = most((int64_t)ceil(y - r), v->y0);
 	const int64_t x1 = least((int64_t)floor(x + r), (int64_t)v->w - 1);
 	const int64_t y1 = least((int64_t)floor(y + r), (int64_t)v->y1 - 1);
-	const uint64_t value = depth_key(point->depth) | colour_of_point(look, point);
 	for (int64_t j = y0; j <= y1; j++)
 		for (int64_t i = x0; i <= x1; i++) {
-			const double dx = (double)i - x, dy = (double)j - y;
-			if (dx * dx + dy * dy <= r * r)
-				put(v->sample + wh_canvas_row(v, (uint32_t)j) +
-				        wh_canvas_column((uint32_t)i),
-				    value);
+			const double dx = ((double)i - x) / r, dy = ((double)j - y) / r;
+			const double in = 1 - dx * dx - dy * dy;
+			if (in < 0)
+				continue;
+			const vec3f n = {(float)dx, (float)dy, (float)-sqrt(in)};
+			const uint64_t key = depth_key(point->depth + (float)r * n.z);
+			wh_sample *s = v->sample + wh_canvas_row(v, (uint32_t)j) +
+			               wh_canvas_column((uint32_t)i);
+			if (may_show(s, key))
+				put(s, key | colour_of_point(look, point, n));
 		}
 }
 

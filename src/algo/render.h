@@ -96,7 +96,7 @@ typedef struct wh_look {
 void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *const corner[3],
                     const wh_normal_sum *const normal[3]);
 
-/* Draws one point, as a disc. Thread-safe. */
+/* Draws one point, as a small ball. Thread-safe. */
 void wh_canvas_point(const wh_canvas *v, const wh_look *look, const wh_spot *spot);
 
 /* ---- samples to pixels ---------------------------------------------------------------------- */
