@@ -25,7 +25,7 @@ enum {
 
 /* Corners are at most WH_CAMERA_MOST = 2^19 samples from the middle, and samples no more than 2^17:
  * 2^30 steps between them, and 2^61 for the difference of two products. */
-_Static_assert(WH_CAMERA_MOST *STEP == 0x1p29, "products of steps fit 64 bits");
+_Static_assert((int64_t)WH_CAMERA_MOST *STEP == 1 << 29, "products of steps fit 64 bits");
 
 static const float SUM_SCALE = 16384;       /* of a normal of weight 1 in a sum */
 static const float CREASE = 0.6F;           /* cosine: sharper corners are not smoothed */
@@ -510,7 +510,7 @@ static inline void add_sample(pixel_sum *p, uint64_t sample, int place)
 	}
 	p->covered++;
 	for (int i = 0; i < 3; i++) {
-		const uint32_t v = (uint32_t)(sample >> (COLOUR_BITS * (2 - i))) & COLOUR_MOST;
+		const uint64_t v = sample >> (COLOUR_BITS * (2 - i)) & COLOUR_MOST;
 		p->light[i] += v * v;
 	}
 }
@@ -548,7 +548,7 @@ wh_pixel_point wh_render_point(uint32_t w, uint32_t h, int samples, uint32_t x, 
                                const wh_pixel *p)
 {
 	const double n = samples;
-	return (wh_pixel_point){(x - w / 2.0) * n + p->place % samples + 0.5,
-	                        (y - h / 2.0) * n + (double)(p->place / samples) + 0.5,
+	const int across = p->place % samples, down = p->place / samples;
+	return (wh_pixel_point){(x - w / 2.0) * n + across + 0.5, (y - h / 2.0) * n + down + 0.5,
 	                        (double)p->depth};
 }

@@ -54,14 +54,15 @@ static inline size_t wh_canvas_samples(uint32_t w, uint32_t rows)
 /* Where a sample is: the sum of one number for its row and one for its column. */
 static inline size_t wh_canvas_row(const wh_canvas *v, uint32_t y)
 {
-	const uint32_t r = y - v->y0;
+	const size_t r = y - v->y0;
 	return r / WH_TILE_H * wh_canvas_across(v->w) * WH_TILE + r % WH_TILE_H / 2 * 64 +
 	       r % 2 * 4;
 }
 
-static inline size_t wh_canvas_column(uint32_t x)
+static inline size_t wh_canvas_column(uint32_t column)
 {
-	return (size_t)(x / WH_TILE_W) * WH_TILE + x % WH_TILE_W / 4 * 8 + x % 4;
+	const size_t x = column;
+	return x / WH_TILE_W * WH_TILE + x % WH_TILE_W / 4 * 8 + x % 4;
 }
 
 /* A vertex as the canvas sees it: as wh_camera_project gives it. 16 bytes, so that one look into

@@ -77,9 +77,10 @@ wh_pixel_point wh_camera_project(const wh_camera *k, wh_vec3 p)
 	const double most = fmax(fabs(q.x), fmax(fabs(q.y), fabs(q.depth)));
 	if (!isfinite(most) || !isfinite(q.x + q.y))
 		q.depth = NAN;
-	else if (most > WH_CAMERA_MOST)
-		q = (wh_pixel_point){q.x * (WH_CAMERA_MOST / most), q.y * (WH_CAMERA_MOST / most),
-		                     q.depth * (WH_CAMERA_MOST / most)};
+	else if (most > WH_CAMERA_MOST) {
+		const double in = WH_CAMERA_MOST / most;
+		q = (wh_pixel_point){q.x * in, q.y * in, q.depth * in};
+	}
 	return q;
 }
 

@@ -47,7 +47,7 @@ void wh_camera_fit(wh_camera *k, const double lo[2], const double hi[2], double 
 
 /* Where a point is on the picture. Points beyond WH_CAMERA_MOST samples are drawn in towards the
  * centre, on a line with it. */
-#define WH_CAMERA_MOST 524288.0
+enum { WH_CAMERA_MOST = 524288 };
 wh_pixel_point wh_camera_project(const wh_camera *k, wh_vec3 p);
 
 /* The file coordinates of a point of the picture. */

@@ -106,7 +106,7 @@ static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 size_t wh_fit_bytes(const wh_source *s, const wh_exec *ex)
 {
-	const size_t each = CHUNK * 24 + wh_source_vertex_bytes(s, CHUNK) + sizeof(bench);
+	const size_t each = (size_t)CHUNK * 24 + wh_source_vertex_bytes(s, CHUNK) + sizeof(bench);
 	return (size_t)ex->workers * each + (size_t)2 * SAMPLE * 24;
 }
 

@@ -71,9 +71,23 @@ static wh_code open_file(wh_draw *d, int i)
 	return WH_OK;
 }
 
+/* A name mistyped is to be told before the work. */
+static wh_code try_other(const wh_draw *d)
+{
+	wh_ply ply;
+	if (!d->p->distance_to)
+		return WH_OK;
+	if (wh_ply_open(d->c, &ply, d->p->distance_to) != WH_OK)
+		return d->c->err.code;
+	wh_ply_close(d->c, &ply);
+	return WH_OK;
+}
+
 static wh_code open_files(wh_draw *d)
 {
 	wh_progress_phase(&d->progress, "open", 1);
+	if (try_other(d) != WH_OK)
+		return d->c->err.code;
 	for (int i = 0; i < d->p->npaths; i++)
 		if (open_file(d, i) != WH_OK)
 			return d->c->err.code;

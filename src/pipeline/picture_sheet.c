@@ -167,18 +167,19 @@ typedef struct bar {
 	double x, y, w, h;
 } bar;
 
+/* As much of it as there is room for. */
 static void draw_bar(const wh_draw *d, const bar *b)
 {
-	for (double y = b->y; y < b->y + b->h; y++)
-		for (double x = b->x; x < b->x + b->w; x++) {
+	const int64_t x0 = (int64_t)b->x, y0 = (int64_t)b->y, w = (int64_t)b->w;
+	for (int64_t y = y0 > 0 ? y0 : 0; y < y0 + (int64_t)b->h && y < d->sheet.h; y++)
+		for (int64_t x = x0; x < x0 + w && x < d->sheet.w; x++) {
 			float rgb[3];
-			wh_render_map((x - b->x + 0.5) / b->w, rgb);
 			uint8_t v[3];
+			wh_render_map(((double)(x - x0) + 0.5) / (double)w, rgb);
 			for (int i = 0; i < 3; i++)
 				v[i] = (uint8_t)(sqrtf(rgb[i]) * 255 + 0.5F);
-			if (x < d->sheet.w && y < d->sheet.h)
-				put_pixel(&d->sheet, (size_t)x, (size_t)y,
-				          (wh_rgba){v[0], v[1], v[2], 255});
+			put_pixel(&d->sheet, (size_t)x, (size_t)y,
+			          (wh_rgba){v[0], v[1], v[2], 255});
 		}
 }
 

@@ -362,7 +362,8 @@ static size_t bench_bytes(const wh_scene_params *p)
 {
 	const size_t sums = has_windows(p) ? sizeof(wh_normal_sum) : 0;
 	return sizeof(bench) + raw_bytes(p->source) +
-	       CHUNK * 3 * (sizeof(double) + sizeof(uint64_t) + sizeof(wh_spot) + sums) + 512;
+	       (size_t)CHUNK * 3 * (sizeof(double) + sizeof(uint64_t) + sizeof(wh_spot) + sums) +
+	       512;
 }
 
 size_t wh_scene_bytes(const wh_scene_params *p, const wh_exec *ex)
