@@ -7,7 +7,8 @@
 # bench/run compares with. Where everything is installed nothing is called and no network is needed.
 set -euo pipefail
 
-build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev)
+build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev
+	libpng-dev)
 test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
 	clang-format clang-tidy binutils python3 valgrind)
 # The last line is MeshLab, with a display and OpenGL of software, which its server wants.

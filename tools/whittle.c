@@ -18,6 +18,7 @@ static const command commands[] = {
     {"info", cmd_info, "FILE", "what a PLY file holds, from its header"},
     {"check", cmd_check, "FILE", "manifold, boundary, components, defects"},
     {"compare", cmd_compare, "A B", "two-sided distance of two meshes"},
+    {"render", cmd_render, "FILE -o PICTURE.png", "a picture of a mesh of any size"},
     {"generate", cmd_generate, "-o OUT --faces N", "make a scan-like surface of any size"},
 };
 

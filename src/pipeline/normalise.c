@@ -69,13 +69,14 @@ static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w)
 	return code == WH_E_IRREGULAR ? wh_rewrite_words(c, w) : code;
 }
 
-static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
+static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in,
+                       bool needs_faces)
 {
 	wh_rewrite w;
 	if (wh_rewrite_open(c, &w, ex, spill, &in->ply) != WH_OK)
 		return c->err.code;
 	wh_code code = rewrite_body(c, &w);
-	if (code == WH_OK && w.source.nf == 0)
+	if (code == WH_OK && needs_faces && w.source.nf == 0)
 		code = nothing(c, &in->ply, "none of its faces has three different corners");
 	if (code == WH_OK) {
 		in->source = w.source;
@@ -93,7 +94,7 @@ static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool f
 	wh_code code = WH_E_IRREGULAR;
 	if (!force_rewrite && wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
-	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in) : code;
+	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in, true) : code;
 }
 
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
@@ -108,6 +109,40 @@ wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 		code = make_source(c, ex, spill, force_rewrite, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
+	return code;
+}
+
+/* Vertices of a fixed size, behind others of fixed sizes, are used as they are. */
+static bool points_in_place(const wh_ply *p, wh_source *s)
+{
+	uint64_t at = p->body;
+	if (p->format == WH_PLY_ASCII || p->elems[p->vertex].stride == 0)
+		return false;
+	for (int i = 0; i < p->vertex; i++) {
+		if (p->elems[i].stride == 0 && p->elems[i].count > 0)
+			return false;
+		at += p->elems[i].stride * p->elems[i].count;
+	}
+	*s = (wh_source){.ffd = -1};
+	wh_ply_vertex_source(p, at, s);
+	return true;
+}
+
+wh_code wh_input_open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                             wh_input *in)
+{
+	*in = (wh_input){.temp_fd = -1};
+	wh_code code = wh_ply_open(c, &in->ply, path);
+	if (code != WH_OK)
+		return code;
+	if (count_of(&in->ply, in->ply.vertex) == 0)
+		code = wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", path);
+	else if (!points_in_place(&in->ply, &in->source))
+		code = rewrite(c, ex, spill, in, false);
+	if (code != WH_OK)
+		wh_input_close(c, spill, in);
+	else
+		in->source.nf = 0;
 	return code;
 }
 

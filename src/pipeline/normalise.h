@@ -37,6 +37,9 @@ wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
  */
 wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in);
+/* The vertices of a file, which need not have faces: the source has none. */
+wh_code wh_input_open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                             wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
