@@ -30,9 +30,22 @@ wh_reduce_params wh_reduce_defaults(void)
 	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
+/* The formats that the caller names. */
+static wh_code take_formats(wh_run *r)
+{
+	const char *from = r->params->from;
+	if (from && (!wh_format_parse(from, &r->from) || r->from == WH_FORMAT_GLB))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no format that can be read: give ply, "
+		               "obj, off or stl",
+		               from);
+	return WH_OK;
+}
+
 static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
-	if (wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
+	if (take_formats(r) != WH_OK ||
+	    wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
 	    wh_run_open_spill(r) != WH_OK || wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
@@ -135,7 +148,8 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 {
 	wh_ply *ply = &r->input.ply;
 	wh_source *src = &r->input.source;
-	if (wh_input_look(r->c, r->params->input, &r->input) != WH_OK)
+	if (take_formats(r) != WH_OK ||
+	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	report->rewritten = src->ffd != ply->fd;

@@ -15,7 +15,8 @@
 
 /* What to do. Zero-initialise with wh_reduce_defaults. */
 typedef struct wh_reduce_params {
-	const char *input;  /* PLY file */
+	const char *input;  /* PLY, OBJ, OFF or STL file */
+	const char *from;   /* its format: "ply", "obj", "off" or "stl"; NULL: what it looks like */
 	const char *output; /* path, or "-" for standard output */
 	bool force;         /* write over an existing output */
 	bool ascii;         /* text instead of binary */

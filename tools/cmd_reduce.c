@@ -12,9 +12,11 @@
 
 static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
-    "Reduces a PLY mesh within a memory ceiling; the first limit reached stops.\n"
+    "Reduces a mesh within a memory ceiling; the first limit reached stops. IN: PLY,\n"
+    "OBJ, OFF or STL, as its content says.\n"
     "Positions and faces are kept; other properties are named in the summary.\n\n"
     "  -o, --output FILE     where to; - is standard output\n"
+    "      --from F          IN is ply, obj, off or stl, whatever it looks like\n"
     "  -n, --faces N|P%      triangles to keep: 200K, 1.5M, 10%\n"
     "      --vertices N|P%   vertices to keep\n"
     "      --ratio R         share of the triangles to keep: 0.1\n"

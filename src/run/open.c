@@ -40,7 +40,8 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
+	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, r->from, rewrite, &r->input) !=
+	    WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	wh_reduce_report *t = r->report;
