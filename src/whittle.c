@@ -148,12 +148,14 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 {
 	wh_ply *ply = &r->input.ply;
 	wh_source *src = &r->input.source;
+	const char *temp_dir = r->params->temp_dir;
 	if (take_formats(r) != WH_OK ||
+	    (temp_dir && wh_spill_open(r->c, &r->spill, temp_dir, NULL) != WH_OK) ||
 	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	report->rewritten = src->ffd != ply->fd;
-	report->input_bytes = ply->size;
+	report->input_bytes = r->input.file_bytes;
 	r->report->input_vertices = report->input_vertices = src->nv;
 	r->report->input_faces = report->input_faces = src->nf;
 	r->faces = src->nf;
@@ -199,5 +201,6 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 	}
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
+	wh_spill_close(c, &r.spill);
 	return code;
 }

@@ -61,6 +61,9 @@ wh_packing wh_packing_of_bytes(const char *head, size_t n)
 		return WH_PACKING_GZIP;
 	if (n >= 4 && memcmp(head, "\x28\xb5\x2f\xfd", 4) == 0)
 		return WH_PACKING_ZSTD;
+	/* a frame of other data may come first: pzstd's do */
+	if (n >= 4 && (wh_load32(head, WH_HOST_BIG) & 0xfffffff0u) == 0x184d2a50u)
+		return WH_PACKING_ZSTD;
 	return WH_PACKING_NONE;
 }
 

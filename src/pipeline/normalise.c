@@ -1,11 +1,14 @@
+#define _GNU_SOURCE
 #include "pipeline/normalise.h"
 
 #include "io/off.h"
+#include "io/unpack.h"
 #include "pipeline/rewrite.h"
 
 #include <inttypes.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 enum {
 	HEAD = 4096,    /* bytes that tell formats apart */
@@ -139,6 +142,44 @@ static wh_code unknown(wh_ctx *c, const wh_ply *p)
 	               p->path);
 }
 
+/* Decompresses the file; from then on, what came out is the file. */
+static wh_code unpack(wh_ctx *c, wh_spill *spill, wh_input *in, wh_packing packing)
+{
+	wh_ply *p = &in->ply;
+	struct stat st;
+	uint64_t size;
+	if (!spill->dir && wh_spill_open(c, spill, NULL, "/tmp") != WH_OK)
+		return c->err.code;
+	const int fd = wh_unpack(c, spill, p->path, p->fd, packing, &size);
+	if (fd < 0)
+		return wh_failed(c);
+	wh_code code = wh_ply_unchanged(c, p);
+	if (code == WH_OK && fstat(fd, &st) != 0)
+		code = wh_fail_errno(c, "cannot examine the temporary file of '%s'", p->path);
+	if (code != WH_OK) {
+		wh_spill_close_scratch(spill, fd);
+		return code;
+	}
+	(void)close(p->fd);
+	p->fd = fd;
+	p->size = size;
+	p->changed = st.st_mtim;
+	in->unpacked = true;
+	return WH_OK;
+}
+
+static wh_code unpack_if_packed(wh_ctx *c, wh_spill *spill, wh_input *in)
+{
+	char head[4];
+	const wh_ply *p = &in->ply;
+	const size_t n = p->size < sizeof head ? (size_t)p->size : sizeof head;
+	in->file_bytes = p->size;
+	if (wh_ply_pread(c, p->path, p->fd, head, n, 0) != WH_OK)
+		return c->err.code;
+	const wh_packing packing = wh_packing_of_bytes(head, n);
+	return packing == WH_PACKING_NONE ? WH_OK : unpack(c, spill, in, packing);
+}
+
 /* The beginning of the file tells; where it does not, the name does. */
 static wh_code find_kind(wh_ctx *c, wh_ply *p, wh_format from)
 {
@@ -178,7 +219,9 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	wh_code code = wh_ply_attach(c, &in->ply, path);
 	if (code != WH_OK)
 		return code;
-	code = find_kind(c, &in->ply, from);
+	code = unpack_if_packed(c, spill, in);
+	if (code == WH_OK)
+		code = find_kind(c, &in->ply, from);
 	if (code == WH_OK)
 		code = describe(c, ex, in);
 	if (code != WH_OK)
@@ -250,15 +293,26 @@ static uint64_t weld_bytes(const wh_ply *p, const wh_source *s)
 uint64_t wh_input_temp_bytes(const wh_input *in)
 {
 	const wh_source *s = &in->source;
+	const uint64_t unpacked = in->unpacked ? in->ply.size : 0;
 	struct stat st;
 	if (s->ffd < 0)
-		return s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0) +
+		return unpacked + s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0) +
 		       weld_bytes(&in->ply, s);
-	return in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+	return unpacked +
+	       (in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0);
+}
+
+wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in)
+{
+	return in->unpacked ? WH_OK : wh_ply_unchanged(c, &in->ply); /* then it was read at once */
 }
 
 void wh_input_drop_temp(wh_spill *spill, wh_input *in)
 {
+	if (in->unpacked && in->ply.fd >= 0) {
+		wh_spill_close_scratch(spill, in->ply.fd);
+		in->ply.fd = -1;
+	}
 	if (in->temp_fd >= 0)
 		wh_spill_close_scratch(spill, in->temp_fd);
 	in->temp_fd = -1;

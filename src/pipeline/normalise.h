@@ -17,21 +17,25 @@
 #include "pipeline/read_stl.h"
 
 typedef struct wh_input {
-	wh_ply ply;        /* ply.kind says what it really is */
-	wh_obj obj;        /* of an OBJ file */
-	wh_stl stl;        /* of an STL file */
-	wh_source source;  /* refers to ply or to the temporary file below */
-	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
-	                      -1 when the whole body is used in place. Nameless: see spill.h */
-	uint64_t polygons; /* faces with more than three corners */
+	wh_ply ply;          /* ply.kind says what it really is */
+	wh_obj obj;          /* of an OBJ file */
+	wh_stl stl;          /* of an STL file */
+	uint64_t file_bytes; /* of the user's file, packed or not */
+	bool unpacked;       /* ply is open on a temporary file, of what was compressed */
+	wh_source source;    /* refers to ply or to the temporary file below */
+	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
+	                        -1 when the whole body is used in place. Nameless: see spill.h */
+	uint64_t polygons;   /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
 } wh_input;
 
 /*
- * Opens the file and describes it in in->ply, whatever is in it; there is no source yet. `from`:
- * its format, WH_FORMAT_ANY to find that out from the content, or else the name. OBJ and text of
- * STL are gone through to be counted. WH_E_INPUT for a damaged header, or no format that is known.
+ * Opens the file, unpacks it where it is compressed, and describes it in in->ply, whatever is in
+ * it; there is no source yet. `from`: its format, WH_FORMAT_ANY to find that out from the content,
+ * or else the name. OBJ and text of STL are gone through to be counted. `spill` is opened where a
+ * compressed file needs it, if it is not open yet. WH_E_INPUT for a damaged header, or no format
+ * that is known.
  */
 wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                           wh_format from, wh_input *in);
@@ -54,7 +58,9 @@ void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
 uint64_t wh_input_temp_bytes(const wh_input *in);
-/* Removes the temporary file: the source cannot be read any more. */
+/* WH_E_RUN when the user's file was written to since it was opened, as wh_ply_unchanged. */
+wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in);
+/* Removes the temporary files: the source cannot be read any more. */
 void wh_input_drop_temp(wh_spill *spill, wh_input *in);
 
 /*
