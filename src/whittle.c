@@ -12,6 +12,8 @@
 #include "exec/topo.h"
 #include "run/run.h"
 
+#include <string.h>
+
 enum {
 	MOST_SIZE = 100 * 1000 * 1000,
 	OPEN_BYTES = 32 * 1024 * 1024 /* enough to look at the input and to refuse it in words */
@@ -30,10 +32,35 @@ wh_reduce_params wh_reduce_defaults(void)
 	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
-/* The formats that the caller names. */
+/* "obj", "ply.gz". */
+static bool parse_to(const char *text, wh_format *to, wh_packing *packing)
+{
+	char name[8];
+	const size_t n = strcspn(text, ".");
+	*packing = wh_packing_of_name(text);
+	if (n >= sizeof name || (text[n] && *packing == WH_PACKING_NONE) ||
+	    strchr(text, '.') != strrchr(text, '.'))
+		return false;
+	memcpy(name, text, n);
+	name[n] = '\0';
+	return wh_format_parse(name, to);
+}
+
+/* The formats that the caller names, or the output's name tells. */
 static wh_code take_formats(wh_run *r)
 {
-	const char *from = r->params->from;
+	const char *from = r->params->from, *to = r->params->to, *output = r->params->output;
+	if (to && !parse_to(to, &r->to, &r->packing))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no format that can be written: give ply, obj, off, stl or "
+		               "glb, perhaps with .gz or .zst behind it",
+		               to);
+	if (!to && output) {
+		r->to = wh_format_of_name(output);
+		r->packing = wh_packing_of_name(output);
+	}
+	if (r->to == WH_FORMAT_ANY)
+		r->to = WH_FORMAT_PLY;
 	if (from && (!wh_format_parse(from, &r->from) || r->from == WH_FORMAT_GLB))
 		return wh_fail(r->c, WH_E_USAGE,
 		               "'%s' is no format that can be read: give ply, "
@@ -46,7 +73,8 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
 	if (take_formats(r) != WH_OK ||
 	    wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
-	    wh_run_open_spill(r) != WH_OK || wh_run_open_seams(r) != WH_OK)
+	    wh_outfile_pack(r->c, *out, r->packing) != WH_OK || wh_run_open_spill(r) != WH_OK ||
+	    wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_OPEN, wh_run_open_input(r, false)) != WH_OK)

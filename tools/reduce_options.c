@@ -17,6 +17,7 @@ enum {
 	OPT_TEMP,
 	OPT_ASCII,
 	OPT_FROM,
+	OPT_TO,
 	OPT_REPORT,
 	OPT_SEAMS,
 	OPT_CLUSTER,
@@ -38,6 +39,7 @@ static const struct option long_options[] = {
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
     {"from", required_argument, NULL, OPT_FROM},
+    {"to", required_argument, NULL, OPT_TO},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
     {"seams", required_argument, NULL, OPT_SEAMS},
@@ -142,6 +144,9 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 	case OPT_FROM:
 		ok = cmd_parse_from(arg, &format);
 		p->from = arg;
+		break;
+	case OPT_TO:
+		p->to = arg;
 		break;
 	case OPT_ASCII:
 		p->ascii = true;

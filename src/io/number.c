@@ -146,7 +146,7 @@ static bool is_float(double v, int64_t last)
 	if (last < -MOST_POWER)
 		return false;
 	const double unit = last < 0 ? 1 / power[-last] : power[last];
-	return off <= 0.5 * (1 + 1e-9) * unit;
+	return off <= 0.5 * unit + 0x1p-52 * fabs(v); /* v itself is rounded, and ties are common */
 }
 
 const char *wh_scan_decimal(const char *s, double *v, bool *wide)

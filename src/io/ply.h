@@ -165,8 +165,9 @@ wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_
 
 /* How a mesh is written. */
 typedef struct wh_ply_style {
-	bool ascii;     /* text instead of binary little endian */
-	bool is_double; /* positions as double instead of float */
+	bool ascii;       /* text instead of binary little endian */
+	bool is_double;   /* positions as double instead of float */
+	wh_format format; /* of mesh_write; WH_FORMAT_ANY is PLY */
 } wh_ply_style;
 
 struct wh_outfile;

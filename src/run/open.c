@@ -78,6 +78,9 @@ void wh_run_list_dropped(wh_run *r)
 			if (vertex ? k != p->x && k != p->y && k != p->z : k != p->corners)
 				note_dropped(r->report, e->props[k].name);
 	}
+	if (r->input.source.is_double && !r->params->ascii &&
+	    (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
+		note_dropped(r->report, "double precision");
 }
 
 static wh_plan make_plan(const wh_run *r)
