@@ -141,10 +141,10 @@ const char *wh_scan_real(const char *s, double *v)
 static bool is_float(double v, int64_t last)
 {
 	const double off = fabs(v - wh_round_float(v));
+	if (isinf(off) || (off > 0 && last < -MOST_POWER))
+		return false;
 	if (!(off > 0) || last > MOST_POWER)
 		return true;
-	if (last < -MOST_POWER)
-		return false;
 	const double unit = last < 0 ? 1 / power[-last] : power[last];
 	return off <= 0.5 * unit + 0x1p-52 * fabs(v); /* v itself is rounded, and ties are common */
 }
