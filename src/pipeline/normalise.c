@@ -284,10 +284,11 @@ wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 	return code;
 }
 
-/* Corners in buckets and in ranges (weld.h), and those of a text. */
+/* What welding takes beyond the clusters that come after it: corners in buckets and in ranges
+ * (weld.h), and those of a text. */
 static uint64_t weld_bytes(const wh_ply *p, const wh_source *s)
 {
-	return p->kind != WH_FORMAT_STL ? 0 : s->nf * (p->format == WH_PLY_ASCII ? 108 : 72);
+	return p->kind != WH_FORMAT_STL ? 0 : s->nf * (p->format == WH_PLY_ASCII ? 80 : 44);
 }
 
 uint64_t wh_input_temp_bytes(const wh_input *in)
