@@ -120,7 +120,7 @@ int main(int argc, char **argv)
 	wh_input in;
 	const wh_exec ex = {.workers = 1};
 	if (wh_spill_open(&c, &spill, NULL, "/tmp") != WH_OK ||
-	    wh_input_open(&c, &ex, &spill, argv[1], false, &in) != WH_OK) {
+	    wh_input_open(&c, &ex, &spill, argv[1], WH_FORMAT_ANY, false, &in) != WH_OK) {
 		(void)fprintf(stderr, "crop: %s\n", c.err.text);
 		return 1;
 	}

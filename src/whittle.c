@@ -12,6 +12,8 @@
 #include "exec/topo.h"
 #include "run/run.h"
 
+#include <string.h>
+
 enum {
 	MOST_SIZE = 100 * 1000 * 1000,
 	OPEN_BYTES = 32 * 1024 * 1024 /* enough to look at the input and to refuse it in words */
@@ -30,10 +32,49 @@ wh_reduce_params wh_reduce_defaults(void)
 	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
+/* "obj", "ply.gz". */
+static bool parse_to(const char *text, wh_format *to, wh_packing *packing)
+{
+	char name[8];
+	const size_t n = strcspn(text, ".");
+	*packing = wh_packing_of_name(text);
+	if (n >= sizeof name || (text[n] && *packing == WH_PACKING_NONE) ||
+	    strchr(text, '.') != strrchr(text, '.'))
+		return false;
+	memcpy(name, text, n);
+	name[n] = '\0';
+	return wh_format_parse(name, to);
+}
+
+/* The formats that the caller names, or the output's name tells. */
+static wh_code take_formats(wh_run *r)
+{
+	const char *from = r->params->from, *to = r->params->to, *output = r->params->output;
+	if (to && !parse_to(to, &r->to, &r->packing))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no format that can be written: give ply, obj, off, stl or "
+		               "glb, perhaps with .gz or .zst behind it",
+		               to);
+	if (!to && output) {
+		r->to = wh_format_of_name(output);
+		r->packing = wh_packing_of_name(output);
+	}
+	if (r->to == WH_FORMAT_ANY)
+		r->to = WH_FORMAT_PLY;
+	if (from && (!wh_format_parse(from, &r->from) || r->from == WH_FORMAT_GLB))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no format that can be read: give ply, "
+		               "obj, off or stl",
+		               from);
+	return WH_OK;
+}
+
 static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
-	if (wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
-	    wh_run_open_spill(r) != WH_OK || wh_run_open_seams(r) != WH_OK)
+	if (take_formats(r) != WH_OK ||
+	    wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
+	    wh_outfile_pack(r->c, *out, r->packing) != WH_OK || wh_run_open_spill(r) != WH_OK ||
+	    wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_OPEN, wh_run_open_input(r, false)) != WH_OK)
@@ -142,11 +183,14 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 {
 	wh_ply *ply = &r->input.ply;
 	wh_source *src = &r->input.source;
-	if (wh_input_look(r->c, r->params->input, &r->input) != WH_OK)
+	const char *temp_dir = r->params->temp_dir;
+	if (take_formats(r) != WH_OK ||
+	    (temp_dir && wh_spill_open(r->c, &r->spill, temp_dir, NULL) != WH_OK) ||
+	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	report->rewritten = src->ffd != ply->fd;
-	report->input_bytes = ply->size;
+	report->input_bytes = r->input.file_bytes;
 	r->report->input_vertices = report->input_vertices = src->nv;
 	r->report->input_faces = report->input_faces = src->nf;
 	r->faces = src->nf;
@@ -192,5 +236,6 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 	}
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
+	wh_spill_close(c, &r.spill);
 	return code;
 }

@@ -15,8 +15,11 @@
 
 /* What to do. Zero-initialise with wh_reduce_defaults. */
 typedef struct wh_reduce_params {
-	const char *input;  /* PLY file */
+	const char *input;  /* PLY, OBJ, OFF or STL file */
+	const char *from;   /* its format: "ply", "obj", "off" or "stl"; NULL: what it looks like */
 	const char *output; /* path, or "-" for standard output */
+	const char *to;     /* its format: "ply", "obj", "off", "stl" or "glb", and with ".gz" or
+	                       ".zst" behind it compressed; NULL: as its name ends, or else PLY */
 	bool force;         /* write over an existing output */
 	bool ascii;         /* text instead of binary */
 	const char *seams;  /* NULL, or a path for the cut vertices of the first partition: a binary

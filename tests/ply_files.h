@@ -111,7 +111,8 @@ static inline wh_code ply_load(testing_env *t, const ply_file *p, int workers, w
 	wh_spill spill;
 	const wh_exec ex = {.workers = workers};
 	assert_int_equal(wh_spill_open(&t->ctx, &spill, "/tmp", NULL), WH_OK);
-	const wh_code code = wh_load_mesh(&t->ctx, &ex, &spill, p->path, m, is_double, degenerate);
+	const wh_code code =
+	    wh_load_mesh(&t->ctx, &ex, &spill, p->path, WH_FORMAT_ANY, m, is_double, degenerate);
 	assert_int_equal(spill.held, 0);
 	wh_spill_close(&t->ctx, &spill);
 	(void)unlink(p->path);

@@ -411,7 +411,8 @@ static void scan_matches(const char *file, uint64_t vertices, uint64_t faces, co
 	(void)snprintf(path, sizeof path, "%s/%s", WHITTLE_DATA, file);
 	print_message("%s\n", file);
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, NULL, "."), WH_OK);
-	assert_int_equal(wh_load_mesh(&t.ctx, &ex, &spill, path, &m, NULL, &degenerate), WH_OK);
+	assert_int_equal(
+	    wh_load_mesh(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, &degenerate), WH_OK);
 	assert_int_equal(wh_check_mesh(&t.ctx, &m, &r), WH_OK);
 	assert_int_equal(r.vertices, vertices);
 	if (!strstr(notes, "tristrips")) /* of which each turn of a strip is one dropped */

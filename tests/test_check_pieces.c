@@ -378,7 +378,7 @@ static void scan_in_pieces(const char *name)
 	(void)snprintf(path, sizeof path, "%s/scans/%s", WHITTLE_DATA, name);
 	print_message("%s\n", name);
 	assert_int_equal(wh_spill_open(c, &spill, NULL, "."), WH_OK);
-	assert_int_equal(wh_load_mesh(c, &ex, &spill, path, &m, NULL, NULL), WH_OK);
+	assert_int_equal(wh_load_mesh(c, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL), WH_OK);
 	assert_int_equal(wh_check_mesh(c, &m, &whole), WH_OK);
 	cutting x = {.piece = wh_alloc(c, m.nf, sizeof *x.piece),
 	             .cut = wh_alloc(c, m.nv, sizeof *x.cut)};

@@ -71,7 +71,8 @@ static wh_mesh load(fixture *f, const char *path)
 	wh_spill spill;
 	wh_mesh m;
 	assert_int_equal(wh_spill_open(&f->t.ctx, &spill, f->root, NULL), WH_OK);
-	assert_int_equal(wh_load_mesh(&f->t.ctx, &ex, &spill, path, &m, NULL, NULL), WH_OK);
+	assert_int_equal(wh_load_mesh(&f->t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL),
+	                 WH_OK);
 	wh_spill_close(&f->t.ctx, &spill);
 	return m;
 }

@@ -147,8 +147,9 @@ static void open_fixture(fixture *f, const shape *s)
 	testing_init(&f->t);
 	write_shape(f, s);
 	assert_int_equal(wh_spill_open(&f->t.ctx, &f->spill, "/tmp", NULL), WH_OK);
-	assert_int_equal(wh_input_open(&f->t.ctx, &ex, &f->spill, f->file.path, false, &f->input),
-	                 WH_OK);
+	assert_int_equal(
+	    wh_input_open(&f->t.ctx, &ex, &f->spill, f->file.path, WH_FORMAT_ANY, false, &f->input),
+	    WH_OK);
 	f->cuts.fd = wh_spill_scratch(&f->t.ctx, &f->spill);
 }
 

@@ -376,7 +376,7 @@ static wh_code try_load(const char *path, long fail_after)
 	testing_init(&t);
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
 	t.mem.fail_after = fail_after;
-	const wh_code code = wh_load_mesh(&t.ctx, &ex, &spill, path, &m, NULL, NULL);
+	const wh_code code = wh_load_mesh(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL);
 	if (code == WH_OK)
 		wh_mesh_free(&t.ctx, &m);
 	else if (code == WH_E_IRREGULAR || t.ctx.err.code != code)

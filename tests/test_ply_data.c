@@ -91,14 +91,16 @@ static void check_file(char *field[FIELDS])
 	(void)snprintf(path, sizeof path, "%s/%s", WHITTLE_DATA, field[PATH]);
 	testing_init(&t);
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
-	const wh_code code = wh_load_mesh(&t.ctx, &ex, &spill, path, &m, NULL, &degenerate);
+	const wh_code code =
+	    wh_load_mesh(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, &degenerate);
 	const wh_code want = to_be_refused(field) ? WH_E_INPUT : WH_OK;
 	if (code != want)
 		fail_msg("%s: status %d, not %d: %s", field[PATH], code, want, t.ctx.err.text);
 	if (strcmp(field[FACES], "0") == 0 && !strstr(t.ctx.err.text, "nothing to reduce"))
 		fail_msg("%s: not 'nothing to reduce': %s", field[PATH], t.ctx.err.text);
 	if (code == WH_OK) {
-		assert_int_equal(wh_input_open(&t.ctx, &ex, &spill, path, false, &in), WH_OK);
+		assert_int_equal(
+		    wh_input_open(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, false, &in), WH_OK);
 		check_counts(&in, &m, degenerate, field);
 		wh_input_close(&t.ctx, &spill, &in);
 		wh_mesh_free(&t.ctx, &m);

@@ -58,12 +58,12 @@ static void lines_may_end_in_three_ways(void **state)
 static void a_file_that_is_no_ply_is_told(void **state)
 {
 	(void)state;
-	ply_file p = ply_write("solid cube\n");
-	ply_assert_refused(&p, "not a PLY", NULL);
+	ply_file p = ply_write("square cube\n");
+	ply_assert_refused(&p, "no PLY, OBJ, OFF or STL", "--from", NULL);
 	p = ply_write("");
 	ply_assert_refused(&p, "empty", NULL);
 	p = ply_write("plywood\n");
-	ply_assert_refused(&p, "not a PLY", NULL);
+	ply_assert_refused(&p, "no PLY, OBJ, OFF or STL", NULL);
 }
 
 static void damaged_header_lines_are_named(void **state)

@@ -335,7 +335,7 @@ static wh_picture_params params_of(const char *const *path, const wh_picture_cel
 static uint8_t *render(testing_env *t, const wh_picture_params *p, int workers, size_t *n,
                        wh_picture_report *r)
 {
-	const wh_exec ex = {workers};
+	const wh_exec ex = {.workers = workers};
 	if (wh_picture(&t->ctx, &ex, p, r) != WH_OK)
 		fail_msg("%s", t->ctx.err.text);
 	FILE *f = fopen(p->output, "rb");
@@ -353,7 +353,7 @@ static void make_sphere(testing_env *t, const char *path, uint64_t faces, bool s
 	wh_synth_params p = wh_synth_defaults();
 	wh_synth *s = NULL;
 	wh_outfile *o = NULL;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	p.faces = faces;
 	p.shuffled = shuffled;
 	assert_int_equal(wh_synth_open(&t->ctx, &s, &p), WH_OK);
@@ -412,7 +412,7 @@ static wh_picture_report render_text(const char *text, bool expect, const char *
 	const wh_picture_cell cell = {.own_view = true};
 	wh_picture_params p = params_of(paths, &cell);
 	p.up = WH_UP_Y;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	wh_picture_report r;
 	const wh_code code = wh_picture(&t.ctx, &ex, &p, &r);
 	if ((code == WH_OK) != expect)
@@ -492,7 +492,7 @@ static void refused_memory_leaves_nothing_behind(void **state)
 	wh_picture_params p = params_of(paths, &cell);
 	p.distance_to = f.path;
 	p.window = 2;
-	const wh_exec ex = {1};
+	const wh_exec ex = {.workers = 1};
 	wh_picture_report r;
 	wh_code code = WH_E_RUN;
 	for (long i = 1; code != WH_OK; i++) {

@@ -146,6 +146,11 @@ const char *cmd_real_text(double x, bool is_double, char text[CMD_REAL_TEXT])
 	return text;
 }
 
+bool cmd_parse_from(const char *text, wh_format *out)
+{
+	return wh_format_parse(text, out) && *out != WH_FORMAT_GLB;
+}
+
 bool cmd_parse_real(const char *text, double *out)
 {
 	char *end;

@@ -9,6 +9,7 @@
 
 #include "base/mem.h"
 #include "exec/exec.h"
+#include "io/format.h"
 
 int cmd_reduce(int argc, char **argv);
 int cmd_plan(int argc, char **argv);
@@ -37,6 +38,9 @@ int cmd_usage_error(const char *name, const char *fmt, ...) __attribute__((forma
 /* Parses "4M", "1.5k", "200000" (suffixes k, M, G, powers of 1000; with binary, of 1024). False
  * when it is not such a number or does not fit in 63 bits. */
 bool cmd_parse_count(const char *text, bool binary, int64_t *out);
+
+/* Parses the name of a format that can be read. */
+bool cmd_parse_from(const char *text, wh_format *out);
 
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);

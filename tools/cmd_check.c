@@ -14,6 +14,7 @@
 typedef struct options {
 	const char *path;
 	const char *temp_dir;
+	wh_format from;
 	bool json;
 	bool strict;
 	bool quiet;
@@ -36,6 +37,7 @@ static void print_help(void)
 	    "                  the machine's, its control group's or the job's); a mesh that\n"
 	    "                  is too large for it is cut into clusters on disk\n"
 	    "  --temp-dir DIR  for these (default: $SLURM_TMPDIR, $TMPDIR, /tmp)\n"
+	    "  --from F        FILE is ply, obj, off or stl, whatever it looks like\n"
 	    "  --threads N     0 (default): all this process may use\n"
 	    "  --no-progress   do not tell how far it is\n");
 }
@@ -43,11 +45,15 @@ static void print_help(void)
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {
-	    {"json", no_argument, NULL, 'j'},           {"strict", no_argument, NULL, 's'},
-	    {"threads", required_argument, NULL, 't'},  {"memory", required_argument, NULL, 'm'},
-	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
-	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
+	                                      {"strict", no_argument, NULL, 's'},
+	                                      {"threads", required_argument, NULL, 't'},
+	                                      {"memory", required_argument, NULL, 'm'},
+	                                      {"temp-dir", required_argument, NULL, 'd'},
+	                                      {"no-progress", no_argument, NULL, 'p'},
+	                                      {"from", required_argument, NULL, 'f'},
+	                                      {"help", no_argument, NULL, 'h'},
+	                                      {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		switch (opt) {
@@ -69,6 +75,11 @@ static int parse(int argc, char **argv, options *o, bool *done)
 			break;
 		case 'd':
 			o->temp_dir = optarg;
+			break;
+		case 'f':
+			if (!cmd_parse_from(optarg, &o->from))
+				return cmd_usage_error(
+				    argv[0], "--from \"%s\" is not ply, obj, off or stl", optarg);
 			break;
 		case 'p':
 			o->quiet = true;
@@ -92,6 +103,7 @@ static wh_code check_file(cmd_env *e, const options *o, wh_check *r, bool *is_do
 	progress_bar bar;
 	progress_bar_init(&bar, !o->quiet);
 	const wh_inspect_params p = {.path = o->path,
+	                             .from = o->from,
 	                             .temp_dir = o->temp_dir,
 	                             .memory = (size_t)o->memory,
 	                             .progress = progress_bar_tell,

@@ -15,6 +15,7 @@
 typedef struct options {
 	const char *path[2];
 	const char *seams, *reference;
+	wh_format from;
 	bool json;
 	int64_t samples, seed, threads;
 } options;
@@ -37,6 +38,7 @@ static void print_help(void)
 	    "  --json       print JSON instead of a table\n"
 	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
 	    "  --seed N     other points (default 0)\n"
+	    "  --from F     all files are ply, obj, off or stl, whatever they look like\n"
 	    "  --threads N  0, the default: all; the figures do not depend on it\n\n"
 	    "Do the cuts between clusters show in B, a reduced A? Its faces within three of\n"
 	    "those nearest to the points of FILE are a band, beside the rest, the interior:\n\n"
@@ -72,6 +74,11 @@ static int parse_option(const char *name, int opt, options *o)
 	case 'c':
 		o->reference = optarg;
 		return WH_OK;
+	case 'f':
+		return cmd_parse_from(optarg, &o->from)
+		           ? WH_OK
+		           : cmd_usage_error(name, "--from \"%s\" is not ply, obj, off or stl",
+		                             optarg);
 	case 'r':
 		return parse_number(name, "seed", optarg, &o->seed);
 	case 't':
@@ -88,11 +95,15 @@ static int parse_option(const char *name, int opt, options *o)
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {
-	    {"json", no_argument, NULL, 'j'},        {"samples", required_argument, NULL, 'n'},
-	    {"seed", required_argument, NULL, 'r'},  {"threads", required_argument, NULL, 't'},
-	    {"seams", required_argument, NULL, 's'}, {"reference", required_argument, NULL, 'c'},
-	    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
+	                                      {"samples", required_argument, NULL, 'n'},
+	                                      {"seed", required_argument, NULL, 'r'},
+	                                      {"threads", required_argument, NULL, 't'},
+	                                      {"seams", required_argument, NULL, 's'},
+	                                      {"reference", required_argument, NULL, 'c'},
+	                                      {"from", required_argument, NULL, 'f'},
+	                                      {"help", no_argument, NULL, 'h'},
+	                                      {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		if (opt == 'h') {
@@ -112,22 +123,22 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	return WH_OK;
 }
 
-static wh_code load(cmd_env *e, const char *path, wh_mesh *m)
+static wh_code load(cmd_env *e, const char *path, wh_format from, wh_mesh *m)
 {
 	wh_spill spill;
 	if (wh_spill_open(&e->ctx, &spill, NULL, "/tmp") != WH_OK)
 		return e->ctx.err.code;
-	const wh_code code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, m, NULL, NULL);
+	const wh_code code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, from, m, NULL, NULL);
 	wh_spill_close(&e->ctx, &spill);
 	return code;
 }
 
 /* Measures a against the mesh of a file. */
-static wh_code compare_with(cmd_env *e, const wh_mesh *a, const char *path,
+static wh_code compare_with(cmd_env *e, const wh_mesh *a, const char *path, wh_format from,
                             const wh_compare_params *p, wh_compare *r)
 {
 	wh_mesh b = {0};
-	wh_code code = load(e, path, &b);
+	wh_code code = load(e, path, from, &b);
 	if (code == WH_OK)
 		code = wh_compare_meshes(&e->ctx, &e->exec, a, &b, p, r);
 	wh_mesh_free(&e->ctx, &b);
@@ -142,11 +153,11 @@ static wh_code compare_files(cmd_env *e, const options *o, results *r)
 	wh_code code = o->seams ? wh_load_points(&e->ctx, o->seams, &cuts, &p.ncuts) : WH_OK;
 	p.cuts = cuts;
 	if (code == WH_OK)
-		code = load(e, o->path[0], &a);
+		code = load(e, o->path[0], o->from, &a);
 	if (code == WH_OK)
-		code = compare_with(e, &a, o->path[1], &p, &r->b);
+		code = compare_with(e, &a, o->path[1], o->from, &p, &r->b);
 	if (code == WH_OK && o->reference)
-		code = compare_with(e, &a, o->reference, &p, &r->reference);
+		code = compare_with(e, &a, o->reference, o->from, &p, &r->reference);
 	wh_mesh_free(&e->ctx, &a);
 	wh_free(&e->ctx, cuts);
 	return code;

@@ -1,7 +1,8 @@
-/* whittle info: what a PLY file holds, from its header; bounds by streaming the vertices. */
+/* whittle info: what a mesh file holds, from its header; bounds by streaming the vertices. */
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
-#include "io/ply.h"
+#include "base/bytes.h"
+#include "pipeline/normalise.h"
 
 #include <ctype.h>
 #include <float.h>
@@ -16,27 +17,31 @@
 
 static const char help[] =
     "usage: whittle info FILE [option ...]\n"
-    "Prints what a PLY file holds: format, elements, properties, bytes, bounds.\n"
-    "Nothing is loaded; bounds take one pass over the vertices.\n\n"
+    "Prints what a PLY, OBJ, OFF or STL file holds: format, elements, properties,\n"
+    "bytes, bounds. Nothing is loaded; bounds take one pass over the vertices. The\n"
+    "vertices of STL are corners, three a facet, not yet welded.\n\n"
     "      --json         as JSON\n"
     "      --bounds       bounds of a text file too, which has to be parsed for them\n"
     "      --no-bounds    the header alone\n"
+    "      --from F       FILE is ply, obj, off or stl, whatever it looks like\n"
     "      --threads N    0 (default): all this process may use\n";
 
-enum { CHUNK = 65536, TOKEN_MAX = 128 };
+enum { CHUNK = 65536, TOKEN_MAX = 128, FORMAT_TEXT = 32 };
 
 typedef struct options {
 	const char *path;
 	bool json, help, bounds, no_bounds;
+	wh_format from;
 	int64_t threads;
 } options;
 
-enum { OPT_JSON = 256, OPT_BOUNDS, OPT_NO_BOUNDS, OPT_THREADS };
+enum { OPT_JSON = 256, OPT_BOUNDS, OPT_NO_BOUNDS, OPT_FROM, OPT_THREADS };
 
 static const struct option long_options[] = {
     {"json", no_argument, NULL, OPT_JSON},
     {"bounds", no_argument, NULL, OPT_BOUNDS},
     {"no-bounds", no_argument, NULL, OPT_NO_BOUNDS},
+    {"from", required_argument, NULL, OPT_FROM},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -58,6 +63,9 @@ static int parse_options(options *o, int argc, char **argv)
 		o->bounds |= opt == OPT_BOUNDS;
 		o->no_bounds |= opt == OPT_NO_BOUNDS;
 		o->help |= opt == 'h';
+		if (opt == OPT_FROM && !cmd_parse_from(optarg, &o->from))
+			return cmd_usage_error(name, "--from \"%s\" is not ply, obj, off or stl",
+			                       optarg);
 		if (opt == OPT_THREADS &&
 		    (!cmd_parse_count(optarg, false, &o->threads) || o->threads > 4096))
 			return cmd_usage_error(name, "--threads does not take \"%s\"", optarg);
@@ -166,11 +174,10 @@ static bool find_vertices(const wh_ply *p, uint64_t *base)
 	return p->elems[p->vertex].stride != 0;
 }
 
-static wh_code binary_bounds(cmd_env *e, const wh_ply *p, uint64_t base, box *out)
+static wh_code source_bounds(cmd_env *e, const wh_source *source, box *out)
 {
-	scan s = {0};
+	scan s = {.source = *source};
 	const size_t workers = (size_t)e->exec.workers;
-	wh_ply_vertex_source(p, base, &s.source);
 	if (scan_open(&e->ctx, &s, workers) == WH_OK) {
 		const int64_t chunks = (int64_t)((s.source.nv + CHUNK - 1) / CHUNK);
 		(void)wh_exec_for(&e->ctx, &e->exec, chunks, scan_chunk, &s);
@@ -179,6 +186,47 @@ static wh_code binary_bounds(cmd_env *e, const wh_ply *p, uint64_t base, box *ou
 	}
 	scan_close(&e->ctx, &s, workers);
 	return e->ctx.err.code;
+}
+
+static wh_code binary_bounds(cmd_env *e, const wh_ply *p, uint64_t base, box *out)
+{
+	wh_source source = {0};
+	wh_ply_vertex_source(p, base, &source);
+	return source_bounds(e, &source, out);
+}
+
+/* The corners of binary STL's facets, where they lie: all first ones, all second ones, ... */
+static wh_code facet_bounds(cmd_env *e, const wh_ply *p, box *out)
+{
+	wh_code code = WH_OK;
+	for (uint32_t k = 0; code == WH_OK && k < 3; k++) {
+		wh_source source = {.path = p->path,
+		                    .nv = p->elems[p->face].count,
+		                    .vfd = p->fd,
+		                    .vbase = p->body,
+		                    .vstride = WH_STL_FACET,
+		                    .vswap = WH_HOST_BIG};
+		for (uint32_t axis = 0; axis < 3; axis++) {
+			source.voff[axis] = 12 + 12 * k + 4 * axis;
+			source.vtype[axis] = WH_F32;
+		}
+		code = source_bounds(e, &source, out);
+	}
+	return code;
+}
+
+/* Another format's text: by way of the temporary file that a reduction would make. */
+static wh_code rewritten_bounds(cmd_env *e, const options *o, wh_spill *spill, box *out)
+{
+	wh_input in;
+	if (!spill->dir && wh_spill_open(&e->ctx, spill, NULL, "/tmp") != WH_OK)
+		return e->ctx.err.code;
+	wh_code code = wh_input_open(&e->ctx, &e->exec, spill, o->path, o->from, false, &in);
+	if (code != WH_OK)
+		return code;
+	code = source_bounds(e, &in.source, out);
+	wh_input_close(&e->ctx, spill, &in);
+	return code;
 }
 
 /* The next number of a text body. */
@@ -262,26 +310,38 @@ static wh_code text_bounds(wh_ctx *c, const wh_ply *p, box *out)
 }
 
 /* Leaves the box empty when bounds are not asked for or not to be had cheaply. */
-static wh_code find_bounds(cmd_env *e, const options *o, const wh_ply *p, box *out)
+static wh_code find_bounds(cmd_env *e, const options *o, const wh_input *in, wh_spill *spill,
+                           box *out)
 {
+	const wh_ply *p = &in->ply;
 	uint64_t base;
 	if (p->vertex < 0 || o->no_bounds)
 		return WH_OK;
+	if (p->format == WH_PLY_ASCII && !o->bounds)
+		return WH_OK;
 	if (p->format == WH_PLY_ASCII)
-		return o->bounds ? text_bounds(&e->ctx, p, out) : WH_OK;
+		return p->kind == WH_FORMAT_PLY ? text_bounds(&e->ctx, p, out)
+		                                : rewritten_bounds(e, o, spill, out);
+	if (p->kind == WH_FORMAT_STL)
+		return facet_bounds(e, p, out);
 	return find_vertices(p, &base) ? binary_bounds(e, p, base, out) : WH_OK;
 }
 
 /* ---- printing ---- */
 
-static const char *format_name(wh_ply_format format)
+/* PLY's words for its own encodings; for other formats, their names in front of them. */
+static const char *format_name(const wh_ply *p, char text[FORMAT_TEXT])
 {
 	static const char *const names[] = {
 	    [WH_PLY_ASCII] = "ascii",
 	    [WH_PLY_LE] = "binary_little_endian",
 	    [WH_PLY_BE] = "binary_big_endian",
 	};
-	return names[format];
+	if (p->kind == WH_FORMAT_PLY)
+		return names[p->format];
+	(void)snprintf(text, FORMAT_TEXT, "%s %s", wh_format_name(p->kind),
+	               p->format == WH_PLY_ASCII ? "ascii" : "binary");
+	return text;
 }
 
 static const char *type_name(wh_type type)
@@ -311,8 +371,9 @@ static void print_element(const wh_ply_elem *e)
 
 static void print_text(const wh_ply *p, const box *b)
 {
+	char text[FORMAT_TEXT];
 	(void)printf("file: %s\nformat: %s\nbytes: %" PRIu64 " (header %" PRIu64 ")\n", p->path,
-	             format_name(p->format), p->size, p->body);
+	             format_name(p, text), p->size, p->body);
 	for (size_t i = 0; i < p->nelems; i++)
 		print_element(&p->elems[i]);
 	for (int i = 0; b->n && i < 3; i++) {
@@ -394,11 +455,12 @@ static uint64_t count_of(const wh_ply *p, int elem)
 
 static wh_code print_json(wh_ctx *c, const wh_ply *p, const box *b)
 {
+	char text_name[FORMAT_TEXT];
 	json_t *j = json_object(), *elems = json_array();
 	for (size_t i = 0; i < p->nelems; i++)
 		(void)json_array_append_new(elems, json_element(&p->elems[i]));
 	(void)json_object_set_new(j, "path", json_name(p->path));
-	(void)json_object_set_new(j, "format", json_string(format_name(p->format)));
+	(void)json_object_set_new(j, "format", json_string(format_name(p, text_name)));
 	(void)json_object_set_new(j, "bytes", json_count(p->size));
 	(void)json_object_set_new(j, "header_bytes", json_count(p->body));
 	(void)json_object_set_new(j, "vertices", json_count(count_of(p, p->vertex)));
@@ -415,24 +477,31 @@ static wh_code print_json(wh_ctx *c, const wh_ply *p, const box *b)
 }
 
 /* The header is printed also when the vertices turn out to be damaged. */
-static wh_code info(cmd_env *e, const options *o)
+static wh_code print_info(cmd_env *e, const options *o, const wh_input *in, wh_spill *spill)
 {
-	wh_ply p;
 	box b = empty_box;
-	wh_code code = wh_ply_open(&e->ctx, &p, o->path);
-	if (code != WH_OK)
-		return code;
-	code = find_bounds(e, o, &p, &b);
+	wh_code code = find_bounds(e, o, in, spill, &b);
 	if (code != WH_OK)
 		b = empty_box;
 	if (code == WH_E_INTERRUPT)
-		goto close;
+		return code;
 	if (!o->json)
-		print_text(&p, &b);
-	else if (print_json(&e->ctx, &p, &b) != WH_OK)
+		print_text(&in->ply, &b);
+	else if (print_json(&e->ctx, &in->ply, &b) != WH_OK)
 		code = e->ctx.err.code;
-close:
-	wh_ply_close(&e->ctx, &p);
+	return code;
+}
+
+static wh_code info(cmd_env *e, const options *o)
+{
+	wh_input in;
+	wh_spill spill = {0};
+	wh_code code = wh_input_describe(&e->ctx, &e->exec, &spill, o->path, o->from, &in);
+	if (code == WH_OK) {
+		code = print_info(e, o, &in, &spill);
+		wh_input_close(&e->ctx, &spill, &in);
+	}
+	wh_spill_close(&e->ctx, &spill);
 	return code;
 }
 

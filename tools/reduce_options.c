@@ -17,6 +17,8 @@ enum {
 	OPT_THREADS,
 	OPT_TEMP,
 	OPT_ASCII,
+	OPT_FROM,
+	OPT_TO,
 	OPT_REPORT,
 	OPT_SEAMS,
 	OPT_CLUSTER,
@@ -38,6 +40,8 @@ static const struct option long_options[] = {
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
+    {"from", required_argument, NULL, OPT_FROM},
+    {"to", required_argument, NULL, OPT_TO},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
     {"seams", required_argument, NULL, OPT_SEAMS},
@@ -109,6 +113,7 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 {
 	wh_reduce_params *p = &o->params;
 	uint64_t n = 0;
+	wh_format format;
 	bool ok = true;
 	switch (opt) {
 	case 'o':
@@ -146,6 +151,13 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_TEMP:
 		p->temp_dir = arg;
+		break;
+	case OPT_FROM:
+		ok = cmd_parse_from(arg, &format);
+		p->from = arg;
+		break;
+	case OPT_TO:
+		p->to = arg;
 		break;
 	case OPT_ASCII:
 		p->ascii = true;
@@ -216,6 +228,8 @@ static const char *expected(int opt)
 		return "a number from 0 to 1024";
 	case OPT_CLUSTER:
 		return "0 or a count from 1000 to 100M";
+	case OPT_FROM:
+		return "ply, obj, off or stl";
 	case OPT_MICRO:
 		return "0 or a count from 100 to 100M";
 	default:

@@ -7,6 +7,8 @@
 #define _GNU_SOURCE
 #include "io/number.h"
 
+#include "base/real.h"
+
 #include <float.h>
 #include <locale.h>
 #include <math.h>
@@ -101,7 +103,8 @@ static const char *scan_exponent(const char *s, int64_t *e)
 	return s > first ? s : NULL;
 }
 
-const char *wh_scan_real(const char *s, double *v)
+/* *last: the power of ten of the word's last digit. */
+static inline const char *scan_real(const char *s, double *v, int64_t *last)
 {
 	const char *const word = s;
 	const bool minus = *s == '-';
@@ -120,9 +123,37 @@ const char *wh_scan_real(const char *s, double *v)
 	if (!any || !wh_is_blank(*s))
 		return scan_odd(word, v);
 	e -= behind;
+	*last = e;
 	if (digits > MOST_DIGITS || m > (uint64_t)1 << 53 || e < -MOST_POWER || e > MOST_POWER)
 		return scan_slowly(word, s, v);
 	const double r = e < 0 ? (double)m / power[-e] : (double)m * power[e];
 	*v = minus ? -r : r;
+	return s;
+}
+
+const char *wh_scan_real(const char *s, double *v)
+{
+	int64_t last;
+	return scan_real(s, v, &last);
+}
+
+/* A float written with any number of digits lies within half of the last one's unit. */
+static bool is_float(double v, int64_t last)
+{
+	const double off = fabs(v - wh_round_float(v));
+	if (isinf(off) || (off > 0 && last < -MOST_POWER))
+		return false;
+	if (!(off > 0) || last > MOST_POWER)
+		return true;
+	const double unit = last < 0 ? 1 / power[-last] : power[last];
+	return off <= 0.5 * unit + 0x1p-52 * fabs(v); /* v itself is rounded, and ties are common */
+}
+
+const char *wh_scan_decimal(const char *s, double *v, bool *wide)
+{
+	int64_t last = 0;
+	s = scan_real(s, v, &last);
+	if (s && !is_float(*v, last))
+		*wide = true;
 	return s;
 }

@@ -28,6 +28,10 @@ static inline const char *wh_word_end(const char *s)
  * (also "1.#INF") give NaN. Returns the word's end, NULL when it is no number. */
 const char *wh_scan_real(const char *s, double *v);
 
+/* The same, where nobody says whether numbers are floats or doubles: sets *wide when the digits
+ * tell more than the nearest float holds. */
+const char *wh_scan_decimal(const char *s, double *v, bool *wide);
+
 /* Reads the word at s as a whole number; a negative one comes out as 2^64 - |v|. Returns the
  * word's end, NULL when it is no whole number or needs more than 64 bits. */
 static inline const char *wh_scan_whole(const char *s, uint64_t *v)

@@ -10,6 +10,8 @@
 #define _GNU_SOURCE
 #include "io/outfile.h"
 
+#include "io/pack.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -45,6 +47,8 @@ struct wh_outfile {
 	uint64_t flushed; /* bytes that left the buffer */
 	size_t used;      /* bytes in the buffer */
 	unsigned char *buffer;
+	wh_packer *packer;     /* NULL: bytes go out as they are */
+	unsigned char *packed; /* BUFFER bytes that come out of it */
 };
 
 /* --- where the bytes go --- */
@@ -250,13 +254,43 @@ static wh_code write_all(wh_ctx *c, wh_outfile *o, const unsigned char *bytes, s
 	return WH_OK;
 }
 
+/* Compresses n bytes, and the end of the stream where it is reached, on their way. */
+static wh_code pack_all(wh_ctx *c, wh_outfile *o, const unsigned char *bytes, size_t n, bool end)
+{
+	wh_pack_step s = {.in = bytes, .n = n, .end = end};
+	do {
+		s.out = o->packed;
+		s.room = BUFFER;
+		if (wh_packer_step(c, o->packer, &s) != WH_OK) {
+			o->failed = true;
+			return c->err.code;
+		}
+		if (write_all(c, o, o->packed, s.used) != WH_OK)
+			return c->err.code;
+	} while (!s.done);
+	return WH_OK;
+}
+
+static wh_code send(wh_ctx *c, wh_outfile *o, const unsigned char *bytes, size_t n)
+{
+	return o->packer ? pack_all(c, o, bytes, n, false) : write_all(c, o, bytes, n);
+}
+
+wh_code wh_outfile_pack(wh_ctx *c, wh_outfile *o, wh_packing packing)
+{
+	if (packing == WH_PACKING_NONE)
+		return WH_OK;
+	o->packed = wh_alloc(c, BUFFER, 1);
+	return o->packed ? wh_packer_open(c, &o->packer, packing) : wh_failed(c);
+}
+
 static wh_code flush(wh_ctx *c, wh_outfile *o)
 {
 	if (o->failed)
 		return failed_before(c, o);
 	const size_t n = o->used;
 	o->used = 0;
-	return write_all(c, o, o->buffer, n);
+	return send(c, o, o->buffer, n);
 }
 
 wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n)
@@ -266,7 +300,7 @@ wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n)
 	if (o->failed)
 		return failed_before(c, o);
 	if (n > BUFFER)
-		return write_all(c, o, bytes, n);
+		return send(c, o, bytes, n);
 	if (n > 0)
 		memcpy(o->buffer + o->used, bytes, n);
 	o->used += n;
@@ -339,10 +373,20 @@ static wh_code close_checked(wh_ctx *c, wh_outfile *o)
 	return WH_OK;
 }
 
+wh_code wh_outfile_end(wh_ctx *c, wh_outfile *o)
+{
+	wh_code code = flush(c, o);
+	if (code == WH_OK && o->packer)
+		code = pack_all(c, o, NULL, 0, true);
+	wh_packer_close(c, o->packer);
+	o->packer = NULL;
+	return code;
+}
+
 wh_code wh_outfile_commit(wh_ctx *c, wh_outfile **out)
 {
 	wh_outfile *o = *out;
-	wh_code code = flush(c, o);
+	wh_code code = wh_outfile_end(c, o);
 	if (code == WH_OK)
 		code = close_checked(c, o);
 	if (code == WH_OK && o->temp)
@@ -363,6 +407,8 @@ void wh_outfile_abort(wh_ctx *c, wh_outfile **out)
 		(void)close(o->fd);
 	if (o->dirfd >= 0)
 		(void)close(o->dirfd);
+	wh_packer_close(c, o->packer);
+	wh_free(c, o->packed);
 	wh_free(c, o->buffer);
 	wh_free(c, o->temp);
 	wh_free(c, o->name);

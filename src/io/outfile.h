@@ -12,12 +12,17 @@
 #define WH_IO_OUTFILE_H
 
 #include "base/mem.h"
+#include "io/format.h"
 
 typedef struct wh_outfile wh_outfile;
 
 /* WH_E_USAGE when the target exists and force is false; WH_E_RUN for anything the system
  * refuses, naming the path and what would help. */
 wh_code wh_outfile_open(wh_ctx *c, wh_outfile **o, const char *path, bool force);
+
+/* From here on bytes are compressed on their way; sizes and checksums are of what comes out. Call
+ * it before the first byte. WH_E_USAGE in a build without the library. */
+wh_code wh_outfile_pack(wh_ctx *c, wh_outfile *o, wh_packing packing);
 
 /* Appends n bytes. A full disk or any other failure is recorded once, with the file's name. */
 wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n);
@@ -33,6 +38,9 @@ wh_code wh_outfile_commit(wh_ctx *c, wh_outfile **o);
 
 /* Gives up: removes the temporary file, frees. NULL allowed; errors are ignored. */
 void wh_outfile_abort(wh_ctx *c, wh_outfile **o);
+
+/* There is nothing more to come: what follows about size and checksum is of the whole. */
+wh_code wh_outfile_end(wh_ctx *c, wh_outfile *o);
 
 uint64_t wh_outfile_bytes(const wh_outfile *o);
 

@@ -11,6 +11,7 @@
 #define WH_IO_PLY_H
 
 #include "base/mem.h"
+#include "io/format.h"
 
 #include <time.h>
 
@@ -60,7 +61,12 @@ typedef struct wh_ply {
 	struct timespec changed; /* time of its last change when it was opened */
 	uint64_t body;           /* byte offset of the first body byte */
 	wh_ply_format format;
-	char eol; /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
+	wh_format kind;  /* another format's file is described in PLY's words (see below) */
+	char comment;    /* text: what this begins, up to the line's end, is none; 0: nothing */
+	bool open_ended; /* text: what is left of an item's line is passed over */
+	bool
+	    undeclared; /* text: coordinates are doubles where their digits tell more than floats */
+	char eol;       /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
 	size_t header_lines;
@@ -81,6 +87,23 @@ typedef struct wh_ply {
  */
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path);
 void wh_ply_close(wh_ctx *c, wh_ply *p);
+
+/*
+ * The two steps of wh_ply_open, for files that may turn out to be of another format: opens the
+ * file, then parses the header of what is open (p->fd, p->size). After a failure of either, *p is
+ * empty.
+ */
+wh_code wh_ply_attach(wh_ctx *c, wh_ply *p, const char *path);
+wh_code wh_ply_read_header(wh_ctx *c, wh_ply *p);
+
+/*
+ * Describes an open file of another format: adds an element; adds a property to the last one, a
+ * list when is_list is set (with counts of the items' type). Names are copied.
+ */
+wh_code wh_ply_add_element(wh_ctx *c, wh_ply *p, const char *name, uint64_t count);
+wh_code wh_ply_add_property(wh_ctx *c, wh_ply *p, const char *name, wh_type type, bool is_list);
+/* The description is complete: finds what whittle works on. */
+void wh_ply_find_meaning(wh_ply *p);
 
 /* WH_E_RUN when the file was written to since it was opened (other size or time of change): what
  * was read of it may not fit together. */
@@ -142,8 +165,9 @@ wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_
 
 /* How a mesh is written. */
 typedef struct wh_ply_style {
-	bool ascii;     /* text instead of binary little endian */
-	bool is_double; /* positions as double instead of float */
+	bool ascii;       /* text instead of binary little endian */
+	bool is_double;   /* positions as double instead of float */
+	wh_format format; /* of mesh_write; WH_FORMAT_ANY is PLY */
 } wh_ply_style;
 
 struct wh_outfile;

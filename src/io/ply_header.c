@@ -330,7 +330,7 @@ static int find_indices(const wh_ply_elem *e)
 	return lists == 1 ? only : -1;
 }
 
-static void find_meaning(wh_ply *p)
+void wh_ply_find_meaning(wh_ply *p)
 {
 	for (size_t i = 0; i < p->nelems; i++) {
 		wh_ply_elem *e = &p->elems[i];
@@ -407,23 +407,63 @@ wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p)
 	               p->path);
 }
 
-wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path)
+wh_code wh_ply_attach(wh_ctx *c, wh_ply *p, const char *path)
 {
 	*p = (wh_ply){.fd = -1, .vertex = -1, .face = -1, .strips = -1};
-	parser s = {.p = p};
 	p->x = p->y = p->z = p->corners = p->strip_list = -1;
+	p->kind = WH_FORMAT_PLY;
 	p->path = wh_strdup(c, path);
-	wh_code code = p->path ? open_file(c, p) : wh_failed(c);
-	if (code == WH_OK)
-		code = parse_text(c, &s);
+	const wh_code code = p->path ? open_file(c, p) : wh_failed(c);
+	if (code != WH_OK)
+		wh_ply_close(c, p);
+	return code;
+}
+
+wh_code wh_ply_read_header(wh_ctx *c, wh_ply *p)
+{
+	parser s = {.p = p};
+	wh_code code = parse_text(c, &s);
 	if (code == WH_OK) {
-		find_meaning(p);
+		wh_ply_find_meaning(p);
 		code = check_counts(c, p);
 	}
 	wh_free(c, s.text);
 	if (code != WH_OK)
 		wh_ply_close(c, p);
 	return code;
+}
+
+wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path)
+{
+	return wh_ply_attach(c, p, path) == WH_OK ? wh_ply_read_header(c, p) : wh_failed(c);
+}
+
+/* --- other formats --- */
+
+wh_code wh_ply_add_element(wh_ctx *c, wh_ply *p, const char *name, uint64_t count)
+{
+	size_t cap = p->nelems;
+	char *copy = wh_strdup(c, name);
+	if (!copy || wh_reserve(c, &p->elems, &cap, p->nelems + 1, sizeof *p->elems) != WH_OK) {
+		wh_free(c, copy);
+		return wh_failed(c);
+	}
+	p->elems[p->nelems++] = (wh_ply_elem){.name = copy, .count = count};
+	return WH_OK;
+}
+
+wh_code wh_ply_add_property(wh_ctx *c, wh_ply *p, const char *name, wh_type type, bool is_list)
+{
+	wh_ply_elem *e = &p->elems[p->nelems - 1];
+	size_t cap = e->nprops;
+	char *copy = wh_strdup(c, name);
+	if (!copy || wh_reserve(c, &e->props, &cap, e->nprops + 1, sizeof *e->props) != WH_OK) {
+		wh_free(c, copy);
+		return wh_failed(c);
+	}
+	e->props[e->nprops++] =
+	    (wh_ply_prop){.name = copy, .type = type, .is_list = is_list, .count_type = type};
+	return WH_OK;
 }
 
 void wh_ply_close(wh_ctx *c, wh_ply *p)

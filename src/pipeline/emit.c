@@ -15,13 +15,13 @@ typedef struct emit_hand {
 	size_t xyz_cap;
 	uint32_t *number; /* in the output, per vertex */
 	size_t number_cap;
+	wh_mesh_box box;
 } emit_hand;
 
 typedef struct emit {
 	const wh_store *store;
 	wh_progress *progress;
-	wh_outfile *out;
-	wh_ply_style style;
+	wh_mesh_out out;
 	double unscale; /* a power of two */
 	emit_hand *hands;
 	wh_idmap cut;    /* cut vertices: their number in the output */
@@ -78,7 +78,7 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	e->first[index + 1] = e->first[index] + n;
 	wh_progress_add(e->progress, p->nf);
-	return wh_ply_write_vertices(c, e->out, e->style, h->xyz, n);
+	return wh_mesh_vertices(c, &e->out, h->xyz, n);
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
@@ -109,7 +109,47 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	emit *e = arg;
 	const wh_patch *p = &e->hands[worker].patch;
 	wh_progress_add(e->progress, p->nf);
-	return wh_ply_write_triangles(c, e->out, e->style, p->tri, p->nf);
+	return wh_mesh_triangles(c, &e->out, p->tri, p->nf);
+}
+
+/* ---- formats that need something else ----------------------------------------------------- */
+
+static wh_code box_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const emit *e = arg;
+	emit_hand *h = &e->hands[worker];
+	if (wh_store_load(c, e->store, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+		return c->err.code;
+	for (uint32_t v = 0; v < h->patch.nv; v++) {
+		const wh_vec3 q = wh_scale(h->patch.pos[v], e->unscale);
+		wh_mesh_box_add(&h->box, (const double[3]){q.x, q.y, q.z});
+	}
+	return WH_OK;
+}
+
+/* Bounds of all vertices: the same whichever worker meets them. */
+static wh_code find_box(wh_ctx *c, const wh_exec *ex, emit *e, wh_mesh_box *box)
+{
+	if (wh_exec_for(c, ex, e->store->clusters, box_job, e) != WH_OK)
+		return c->err.code;
+	for (int i = 0; i < ex->workers; i++)
+		wh_mesh_box_join(box, &e->hands[i].box);
+	return WH_OK;
+}
+
+static wh_code facets_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const emit *e = arg;
+	return load_ordered(c, e, &e->hands[worker], index);
+}
+
+static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	(void)index;
+	emit *e = arg;
+	const wh_patch *p = &e->hands[worker].patch;
+	wh_progress_add(e->progress, 2 * p->nf);
+	return wh_mesh_facets(c, &e->out, &p->pos->x, e->unscale, p->tri, p->nf);
 }
 
 /* ---- all of it ---------------------------------------------------------------------------- */
@@ -133,12 +173,10 @@ static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
 	return WH_OK;
 }
 
-static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices, uint64_t faces)
+static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices)
 {
 	const int64_t n = e->store->clusters;
-	wh_progress_phase(e->progress, "write", 2 * faces);
-	if (wh_ply_write_header(c, e->out, e->style, vertices, faces) != WH_OK ||
-	    wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, e) != WH_OK)
+	if (wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, e) != WH_OK)
 		return c->err.code;
 	if (e->first[n] != vertices)
 		return wh_fail(c, WH_E_RUN,
@@ -147,19 +185,32 @@ static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t verti
 	return wh_exec_ordered(c, ex, n, faces_job, faces_commit, e);
 }
 
+static wh_code write_all(wh_ctx *c, const wh_exec *ex, emit *e, wh_outfile *out, wh_ply_style style,
+                         uint64_t vertices, uint64_t faces)
+{
+	wh_mesh_box box = {0};
+	wh_progress_phase(e->progress, "write", 2 * faces);
+	if ((wh_mesh_wants_box(style) && find_box(c, ex, e, &box) != WH_OK) ||
+	    wh_mesh_begin(c, &e->out, out, style, vertices, faces, &box) != WH_OK)
+		return c->err.code;
+	const wh_code code =
+	    wh_mesh_wants_facets(style)
+	        ? wh_exec_ordered(c, ex, e->store->clusters, facets_job, facets_commit, e)
+	        : both_passes(c, ex, e, vertices);
+	return code == WH_OK ? wh_mesh_end(c, &e->out) : code;
+}
+
 wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
                 wh_outfile *out, wh_ply_style style, double scale, uint64_t vertices,
                 uint64_t faces)
 {
 	emit e = {.store = store,
 	          .progress = progress,
-	          .out = out,
-	          .style = style,
 	          .unscale = 1 / scale,
 	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
 	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
 	if (e.hands && e.first && hands_fit(c, &e, ex->workers) == WH_OK)
-		(void)both_passes(c, ex, &e, vertices, faces);
+		(void)write_all(c, ex, &e, out, style, vertices, faces);
 	for (int i = 0; e.hands && i < ex->workers; i++) {
 		wh_store_scratch_free(c, &e.hands[i].scratch);
 		wh_patch_free(c, &e.hands[i].patch);

@@ -11,7 +11,7 @@
 
 #include "exec/exec.h"
 #include "io/outfile.h"
-#include "io/ply.h"
+#include "io/mesh_write.h"
 #include "pipeline/progress.h"
 #include "pipeline/store.h"
 

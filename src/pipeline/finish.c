@@ -129,6 +129,14 @@ wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress
 
 enum { WRITE_CHUNK = 16 * 1024 };
 
+static void find_box(const wh_patch *p, double unscale, wh_mesh_box *box)
+{
+	for (uint32_t v = 0; v < p->nv; v++) {
+		const wh_vec3 q = wh_scale(p->pos[v], unscale);
+		wh_mesh_box_add(box, (const double[3]){q.x, q.y, q.z});
+	}
+}
+
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
                         const wh_patch *p, double scale)
 {
@@ -136,8 +144,13 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 	if (!xyz)
 		return c->err.code;
 	wh_progress_phase(progress, "write", (uint64_t)p->nv + p->nf);
-	wh_code code = wh_ply_write_header(c, out, style, p->nv, p->nf);
-	for (uint32_t v = 0; code == WH_OK && v < p->nv; v += WRITE_CHUNK) {
+	wh_mesh_box box = {0};
+	wh_mesh_out m;
+	if (wh_mesh_wants_box(style))
+		find_box(p, 1 / scale, &box);
+	wh_code code = wh_mesh_begin(c, &m, out, style, p->nv, p->nf, &box);
+	const bool facets = wh_mesh_wants_facets(style);
+	for (uint32_t v = 0; code == WH_OK && !facets && v < p->nv; v += WRITE_CHUNK) {
 		const uint32_t n = p->nv - v < WRITE_CHUNK ? p->nv - v : WRITE_CHUNK;
 		for (uint32_t i = 0; i < n; i++) {
 			const wh_vec3 q = wh_scale(p->pos[v + i], 1 / scale);
@@ -145,16 +158,20 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 			xyz[3 * (size_t)i + 1] = q.y;
 			xyz[3 * (size_t)i + 2] = q.z;
 		}
-		code = wh_ply_write_vertices(c, out, style, xyz, n);
+		code = wh_mesh_vertices(c, &m, xyz, n);
 		wh_progress_add(progress, n);
 	}
 	for (uint32_t f = 0; code == WH_OK && f < p->nf; f += WRITE_CHUNK) {
 		const uint32_t n = p->nf - f < WRITE_CHUNK ? p->nf - f : WRITE_CHUNK;
-		code = wh_ply_write_triangles(c, out, style, &p->tri[3 * (size_t)f], n);
+		const uint32_t *tri = &p->tri[3 * (size_t)f];
+		code = facets ? wh_mesh_facets(c, &m, &p->pos->x, 1 / scale, tri, n)
+		              : wh_mesh_triangles(c, &m, tri, n);
 		wh_progress_add(progress, n);
 		if (code == WH_OK)
 			code = wh_poll(c);
 	}
+	if (code == WH_OK)
+		code = wh_mesh_end(c, &m);
 	wh_free(c, xyz);
 	return code;
 }

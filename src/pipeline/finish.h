@@ -6,7 +6,7 @@
 
 #include "algo/simplify.h"
 #include "io/outfile.h"
-#include "io/ply.h"
+#include "io/mesh_write.h"
 #include "pipeline/progress.h"
 #include "pipeline/store.h"
 

@@ -266,7 +266,8 @@ static wh_code open_input(inspection *n, bool rewrite)
 	n->input_open = false;
 	wh_progress_phase(&n->progress, "open", 1);
 	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
-	if (wh_input_open(n->c, &ex, &n->spill, n->params->path, rewrite, &n->input) != WH_OK)
+	if (wh_input_open(n->c, &ex, &n->spill, n->params->path, n->params->from, rewrite,
+	                  &n->input) != WH_OK)
 		return n->c->err.code;
 	n->input_open = true;
 	return WH_OK;

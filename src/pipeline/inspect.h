@@ -9,12 +9,14 @@
 #define WH_PIPELINE_INSPECT_H
 
 #include "exec/exec.h"
+#include "io/format.h"
 #include "mesh/check.h"
 #include "pipeline/progress.h"
 #include "pipeline/store.h"
 
 typedef struct wh_inspect_params {
 	const char *path;
+	wh_format from;          /* of the file; WH_FORMAT_ANY: what it looks like */
 	const char *temp_dir;    /* NULL: $SLURM_TMPDIR, $TMPDIR, /tmp */
 	size_t memory;           /* ceiling of the process, bytes; 0: half of what there is */
 	uint64_t cluster_faces;  /* cut into clusters of about so many faces whether it is needed or

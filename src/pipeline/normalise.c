@@ -1,12 +1,17 @@
+#define _GNU_SOURCE
 #include "pipeline/normalise.h"
 
+#include "io/off.h"
+#include "io/unpack.h"
 #include "pipeline/rewrite.h"
 
 #include <inttypes.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 enum {
+	HEAD = 4096,    /* bytes that tell formats apart */
 	PROBE = 4096,   /* faces looked at before a body is used in place */
 	CHUNK = 1 << 16 /* vertices or triangles of one job when a mesh is loaded */
 };
@@ -61,12 +66,43 @@ static wh_code probe(wh_ctx *c, const wh_source *s)
 	return code;
 }
 
-static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w)
+/* A coordinate was met that needs a double, and there were none: then another try is due. */
+static bool try_wider(wh_rewrite *w)
 {
-	if (w->ply->format != WH_PLY_ASCII)
-		return wh_rewrite_binary(c, w);
-	const wh_code code = wh_rewrite_lines(c, w);
-	return code == WH_E_IRREGULAR ? wh_rewrite_words(c, w) : code;
+	if (!w->wider || w->source.is_double)
+		return false;
+	wh_rewrite_restart(w);
+	return true;
+}
+
+static wh_code rewrite_text(wh_ctx *c, wh_rewrite *w)
+{
+	wh_code code = wh_rewrite_lines(c, w);
+	if (code == WH_E_IRREGULAR && try_wider(w))
+		code = wh_rewrite_lines(c, w);
+	if (code == WH_E_IRREGULAR)
+		code = wh_rewrite_words(c, w);
+	if (code == WH_E_IRREGULAR && try_wider(w))
+		code = wh_rewrite_words(c, w);
+	return code;
+}
+
+static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w, const wh_input *in)
+{
+	wh_code code;
+	switch (in->ply.kind) {
+	case WH_FORMAT_OBJ:
+		code = wh_obj_rewrite(c, w, &in->obj);
+		return code == WH_E_IRREGULAR && try_wider(w) ? wh_obj_rewrite(c, w, &in->obj)
+		                                              : code;
+	case WH_FORMAT_STL:
+		code = wh_stl_rewrite(c, w, &in->stl);
+		return code == WH_E_IRREGULAR && try_wider(w) ? wh_stl_rewrite(c, w, &in->stl)
+		                                              : code;
+	default:
+		return in->ply.format == WH_PLY_ASCII ? rewrite_text(c, w)
+		                                      : wh_rewrite_binary(c, w);
+	}
 }
 
 static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in,
@@ -75,7 +111,7 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
 	wh_rewrite w;
 	if (wh_rewrite_open(c, &w, ex, spill, &in->ply) != WH_OK)
 		return c->err.code;
-	wh_code code = rewrite_body(c, &w);
+	wh_code code = rewrite_body(c, &w, in);
 	if (code == WH_OK && needs_faces && w.source.nf == 0)
 		code = nothing(c, &in->ply, "none of its faces has three different corners");
 	if (code == WH_OK) {
@@ -92,16 +128,112 @@ static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool f
                            wh_input *in)
 {
 	wh_code code = WH_E_IRREGULAR;
-	if (!force_rewrite && wh_ply_direct(&in->ply, &in->source))
+	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
 	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in, true) : code;
 }
 
-wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      bool force_rewrite, wh_input *in)
+/* --- which format --- */
+
+static wh_code unknown(wh_ctx *c, const wh_ply *p)
+{
+	return wh_fail(c, WH_E_INPUT,
+	               "'%s' is no PLY, OBJ, OFF or STL file, as far as its beginning and its name "
+	               "tell; say which it is with --from",
+	               p->path);
+}
+
+/* Decompresses the file; from then on, what came out is the file. */
+static wh_code unpack(wh_ctx *c, wh_spill *spill, wh_input *in, wh_packing packing)
+{
+	wh_ply *p = &in->ply;
+	struct stat st;
+	uint64_t size;
+	if (!spill->dir && wh_spill_open(c, spill, NULL, "/tmp") != WH_OK)
+		return c->err.code;
+	const int fd = wh_unpack(c, spill, p->path, p->fd, packing, &size);
+	if (fd < 0)
+		return wh_failed(c);
+	wh_code code = wh_ply_unchanged(c, p);
+	if (code == WH_OK && fstat(fd, &st) != 0)
+		code = wh_fail_errno(c, "cannot examine the temporary file of '%s'", p->path);
+	if (code != WH_OK) {
+		wh_spill_close_scratch(spill, fd);
+		return code;
+	}
+	(void)close(p->fd);
+	p->fd = fd;
+	p->size = size;
+	p->changed = st.st_mtim;
+	in->unpacked = true;
+	return WH_OK;
+}
+
+static wh_code unpack_if_packed(wh_ctx *c, wh_spill *spill, wh_input *in)
+{
+	char head[4];
+	const wh_ply *p = &in->ply;
+	const size_t n = p->size < sizeof head ? (size_t)p->size : sizeof head;
+	in->file_bytes = p->size;
+	if (wh_ply_pread(c, p->path, p->fd, head, n, 0) != WH_OK)
+		return c->err.code;
+	const wh_packing packing = wh_packing_of_bytes(head, n);
+	return packing == WH_PACKING_NONE ? WH_OK : unpack(c, spill, in, packing);
+}
+
+/* The beginning of the file tells; where it does not, the name does. */
+static wh_code find_kind(wh_ctx *c, wh_ply *p, wh_format from)
+{
+	char head[HEAD];
+	const size_t n = p->size < HEAD ? (size_t)p->size : HEAD;
+	if (wh_ply_pread(c, p->path, p->fd, head, n, 0) != WH_OK)
+		return c->err.code;
+	if (n == 0)
+		return wh_fail(c, WH_E_INPUT, "'%s' is empty", p->path);
+	p->eol = wh_format_eol(head, n);
+	p->kind = from;
+	if (p->kind == WH_FORMAT_ANY)
+		p->kind = wh_format_of_bytes(head, n, p->size);
+	if (p->kind == WH_FORMAT_ANY)
+		p->kind = wh_format_of_name(p->path);
+	return p->kind == WH_FORMAT_ANY || p->kind == WH_FORMAT_GLB ? unknown(c, p) : WH_OK;
+}
+
+static wh_code describe(wh_ctx *c, const wh_exec *ex, wh_input *in)
+{
+	switch (in->ply.kind) {
+	case WH_FORMAT_OBJ:
+		return wh_obj_look(c, ex, &in->ply, &in->obj);
+	case WH_FORMAT_OFF:
+		return wh_off_read_header(c, &in->ply);
+	case WH_FORMAT_STL:
+		return wh_stl_look(c, ex, &in->ply, &in->stl);
+	default:
+		return wh_ply_read_header(c, &in->ply);
+	}
+}
+
+wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          wh_format from, wh_input *in)
 {
 	*in = (wh_input){.temp_fd = -1};
-	wh_code code = wh_ply_open(c, &in->ply, path);
+	wh_code code = wh_ply_attach(c, &in->ply, path);
+	if (code != WH_OK)
+		return code;
+	code = unpack_if_packed(c, spill, in);
+	if (code == WH_OK)
+		code = find_kind(c, &in->ply, from);
+	if (code == WH_OK)
+		code = describe(c, ex, in);
+	if (code != WH_OK)
+		wh_input_close(c, spill, in);
+	return code;
+}
+
+wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                      wh_format from, bool force_rewrite, wh_input *in)
+{
+	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
@@ -128,21 +260,38 @@ static bool points_in_place(const wh_ply *p, wh_source *s)
 	return true;
 }
 
-wh_code wh_input_open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                             wh_input *in)
+static bool has_faces(const wh_ply *p)
 {
-	*in = (wh_input){.temp_fd = -1};
-	wh_code code = wh_ply_open(c, &in->ply, path);
+	return count_of(p, p->face) > 0 || count_of(p, p->strips) > 0;
+}
+
+static wh_code open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
+{
+	const wh_ply *p = &in->ply;
+	if (count_of(p, p->vertex) == 0)
+		return wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", p->path);
+	if (p->kind == WH_FORMAT_PLY && points_in_place(p, &in->source))
+		return WH_OK;
+	const wh_code code = rewrite(c, ex, spill, in, false);
+	in->source.nf = 0;
+	return code;
+}
+
+wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          wh_format from, bool force_rewrite, wh_input *in)
+{
+	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
-	if (count_of(&in->ply, in->ply.vertex) == 0)
-		code = wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", path);
-	else if (!points_in_place(&in->ply, &in->source))
-		code = rewrite(c, ex, spill, in, false);
+	if (has_faces(&in->ply)) {
+		code = check_content(c, &in->ply);
+		if (code == WH_OK)
+			code = make_source(c, ex, spill, force_rewrite, in);
+	} else {
+		code = open_points(c, ex, spill, in);
+	}
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
-	else
-		in->source.nf = 0;
 	return code;
 }
 
@@ -157,46 +306,66 @@ static void expect_rewrite(const wh_ply *p, wh_source *s)
 		s->nf = (p->size - p->body) / 5;
 	s->fstride = 3 * (s->nv > UINT32_MAX ? 8 : 4);
 	s->ffd = -1;
-	if (p->format == WH_PLY_ASCII || v->stride == 0) {
+	if (p->kind == WH_FORMAT_STL) /* twice as many faces as vertices, once it is welded */
+		s->nv = s->nf / 2 + 2;
+	if (p->format == WH_PLY_ASCII || v->stride == 0 || p->kind == WH_FORMAT_STL) {
 		s->vstride = s->is_double ? 24 : 12;
 		s->vfd = -1;
 	}
 }
 
-wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in)
+wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                      wh_format from, wh_input *in)
 {
-	*in = (wh_input){.temp_fd = -1};
-	wh_code code = wh_ply_open(c, &in->ply, path);
+	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK) {
-		code =
-		    wh_ply_direct(&in->ply, &in->source) ? probe(c, &in->source) : WH_E_IRREGULAR;
+		code = in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, &in->source)
+		           ? probe(c, &in->source)
+		           : WH_E_IRREGULAR;
 		if (code == WH_E_IRREGULAR) {
 			in->source = (wh_source){0};
 			expect_rewrite(&in->ply, &in->source);
 			code = WH_OK;
 		}
 	}
-	if (code != WH_OK) {
-		wh_ply_close(c, &in->ply);
-		in->ply.fd = -1;
-	}
+	if (code != WH_OK)
+		wh_input_close(c, spill, in);
 	return code;
+}
+
+/* What welding takes beyond the clusters that come after it: corners in buckets and in ranges
+ * (weld.h), and those of a text. */
+static uint64_t weld_bytes(const wh_ply *p, const wh_source *s)
+{
+	return p->kind != WH_FORMAT_STL ? 0 : s->nf * (p->format == WH_PLY_ASCII ? 80 : 44);
 }
 
 uint64_t wh_input_temp_bytes(const wh_input *in)
 {
 	const wh_source *s = &in->source;
+	const uint64_t unpacked = in->unpacked ? in->ply.size : 0;
 	struct stat st;
 	if (s->ffd < 0)
-		return s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0);
-	return in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+		return unpacked + s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0) +
+		       weld_bytes(&in->ply, s);
+	return unpacked +
+	       (in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0);
+}
+
+wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in)
+{
+	return in->unpacked ? WH_OK : wh_ply_unchanged(c, &in->ply); /* then it was read at once */
 }
 
 void wh_input_drop_temp(wh_spill *spill, wh_input *in)
 {
+	if (in->unpacked && in->ply.fd >= 0) {
+		wh_spill_close_scratch(spill, in->ply.fd);
+		in->ply.fd = -1;
+	}
 	if (in->temp_fd >= 0)
 		wh_spill_close_scratch(spill, in->temp_fd);
 	in->temp_fd = -1;
@@ -206,6 +375,8 @@ void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
 {
 	if (in->ply.path)
 		wh_input_drop_temp(spill, in);
+	wh_obj_free(c, &in->obj);
+	wh_stl_free(c, &in->stl);
 	wh_ply_close(c, &in->ply);
 	*in = (wh_input){.temp_fd = -1};
 	in->ply.fd = -1;
@@ -330,10 +501,11 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
 
 /* One try. WH_E_IRREGULAR, with nothing recorded: force a rewrite. */
 static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         bool force_rewrite, wh_mesh *m, bool *is_double, uint64_t *degenerate)
+                         wh_format from, bool force_rewrite, wh_mesh *m, bool *is_double,
+                         uint64_t *degenerate)
 {
 	wh_input in;
-	wh_code code = wh_input_open(c, ex, spill, path, force_rewrite, &in);
+	wh_code code = wh_input_open(c, ex, spill, path, from, force_rewrite, &in);
 	if (code != WH_OK)
 		return code;
 	code = wh_source_mesh(c, ex, &in.source, m);
@@ -349,12 +521,12 @@ static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const ch
 	return code;
 }
 
-wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_mesh *m,
-                     bool *is_double, uint64_t *degenerate)
+wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                     wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate)
 {
 	*m = (wh_mesh){0};
-	const wh_code code = load_file(c, ex, spill, path, false, m, is_double, degenerate);
+	const wh_code code = load_file(c, ex, spill, path, from, false, m, is_double, degenerate);
 	if (code != WH_E_IRREGULAR)
 		return code;
-	return load_file(c, ex, spill, path, true, m, is_double, degenerate);
+	return load_file(c, ex, spill, path, from, true, m, is_double, degenerate);
 }

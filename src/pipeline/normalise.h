@@ -1,6 +1,7 @@
 /*
- * normalise: any PLY body becomes a wh_source, positions and triangles at fixed strides.
+ * normalise: any mesh file becomes a wh_source, positions and triangles at fixed strides.
  *
+ * Other formats are described in PLY's words first: then their bodies are rewritten as PLY's are.
  * Binary files of triangles are used in place. Text is parsed in parallel by chunks of lines,
  * with a serial token reader behind it for bodies that do not keep one element to a line.
  * Polygons are triangulated by a rule from corner positions and ids alone, strips unrolled.
@@ -12,17 +13,32 @@
 #include "io/ply.h"
 #include "io/spill.h"
 #include "mesh/mesh.h"
+#include "pipeline/read_obj.h"
+#include "pipeline/read_stl.h"
 
 typedef struct wh_input {
-	wh_ply ply;
-	wh_source source;  /* refers to ply or to the temporary file below */
-	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
-	                      -1 when the whole body is used in place. Nameless: see spill.h */
-	uint64_t polygons; /* faces with more than three corners */
+	wh_ply ply;          /* ply.kind says what it really is */
+	wh_obj obj;          /* of an OBJ file */
+	wh_stl stl;          /* of an STL file */
+	uint64_t file_bytes; /* of the user's file, packed or not */
+	bool unpacked;       /* ply is open on a temporary file, of what was compressed */
+	wh_source source;    /* refers to ply or to the temporary file below */
+	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
+	                        -1 when the whole body is used in place. Nameless: see spill.h */
+	uint64_t polygons;   /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
 } wh_input;
 
+/*
+ * Opens the file, unpacks it where it is compressed, and describes it in in->ply, whatever is in
+ * it; there is no source yet. `from`: its format, WH_FORMAT_ANY to find that out from the content,
+ * or else the name. OBJ and text of STL are gone through to be counted. `spill` is opened where a
+ * compressed file needs it, if it is not open yet. WH_E_INPUT for a damaged header, or no format
+ * that is known.
+ */
+wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          wh_format from, wh_input *in);
 /*
  * Opens the file and makes its source. `spill` is where a rewritten body goes. Files without a
  * vertex element, without faces or with zero faces are WH_E_INPUT ("nothing to reduce").
@@ -31,20 +47,24 @@ typedef struct wh_input {
  * triangles with repeated corners, which readers drop themselves.
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      bool force_rewrite, wh_input *in);
+                      wh_format from, bool force_rewrite, wh_input *in);
 /*
  * The same, but a body that would have to be rewritten is not: the source then has the counts of
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
  */
-wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in);
-/* The vertices of a file, which need not have faces: the source has none. */
-wh_code wh_input_open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                             wh_input *in);
+wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                      wh_format from, wh_input *in);
+/* The same as wh_input_open, but a file need not have faces: without, the source is its vertices.
+ */
+wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          wh_format from, bool force_rewrite, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
 uint64_t wh_input_temp_bytes(const wh_input *in);
-/* Removes the temporary file: the source cannot be read any more. */
+/* WH_E_RUN when the user's file was written to since it was opened, as wh_ply_unchanged. */
+wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in);
+/* Removes the temporary files: the source cannot be read any more. */
 void wh_input_drop_temp(wh_spill *spill, wh_input *in);
 
 /*
@@ -60,7 +80,7 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
  * `is_double` is not NULL it receives whether positions are doubles. Degenerate faces are
  * counted in *degenerate when it is not NULL.
  */
-wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_mesh *m,
-                     bool *is_double, uint64_t *degenerate);
+wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                     wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate);
 
 #endif

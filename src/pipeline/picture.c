@@ -40,29 +40,17 @@ static wh_code too_small(const wh_draw *d, const char *what, size_t need)
 
 /* ---- input ---------------------------------------------------------------------------------- */
 
-static bool is_cloud(const wh_ply *p)
-{
-	return (p->face < 0 || p->elems[p->face].count == 0) &&
-	       (p->strips < 0 || p->elems[p->strips].count == 0);
-}
-
 static wh_code open_file(wh_draw *d, int i)
 {
 	wh_ctx *c = d->c;
 	wh_draw_file *f = &d->file[i];
 	const char *path = d->p->paths[i];
 	wh_exec ex = *d->ex;
-	wh_ply ply;
-	if (wh_ply_open(c, &ply, path) != WH_OK)
-		return c->err.code;
-	const bool cloud = is_cloud(&ply);
-	wh_ply_close(c, &ply);
 	if ((size_t)ex.workers > budget(d) / REWRITE_BYTES)
 		ex.workers = budget(d) < REWRITE_BYTES ? 1 : (int)(budget(d) / REWRITE_BYTES);
-	const wh_code code = cloud ? wh_input_open_points(c, &ex, &d->spill, path, &f->input)
-	                           : wh_input_open(c, &ex, &d->spill, path, f->rewrite, &f->input);
-	if (code != WH_OK)
-		return code;
+	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, &f->input) !=
+	    WH_OK)
+		return c->err.code;
 	f->open = true;
 	d->r->faces += f->input.source.nf;
 	d->r->vertices += f->input.source.nv;
@@ -72,14 +60,14 @@ static wh_code open_file(wh_draw *d, int i)
 }
 
 /* A name mistyped is to be told before the work. */
-static wh_code try_other(const wh_draw *d)
+static wh_code try_other(wh_draw *d)
 {
-	wh_ply ply;
+	wh_input in;
 	if (!d->p->distance_to)
 		return WH_OK;
-	if (wh_ply_open(d->c, &ply, d->p->distance_to) != WH_OK)
+	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, &in) != WH_OK)
 		return d->c->err.code;
-	wh_ply_close(d->c, &ply);
+	wh_input_close(d->c, &d->spill, &in);
 	return WH_OK;
 }
 

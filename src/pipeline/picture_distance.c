@@ -158,7 +158,8 @@ wh_code wh_draw_distances(wh_draw *d)
 {
 	wh_mesh m = {0};
 	wh_progress_phase(&d->progress, "distance", 1);
-	wh_code code = wh_load_mesh(d->c, d->ex, &d->spill, d->p->distance_to, &m, NULL, NULL);
+	wh_code code =
+	    wh_load_mesh(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, &m, NULL, NULL);
 	if (code == WH_OK)
 		code = measure_from(d, &m);
 	wh_mesh_free(d->c, &m);

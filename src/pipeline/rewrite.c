@@ -13,6 +13,7 @@ void wh_rewrite_restart(wh_rewrite *w)
 	const int prop[3] = {w->ply->x, w->ply->y, w->ply->z};
 	wh_source *s = &w->source;
 	*s = (wh_source){.path = w->ply->path, .nv = e->count, .vfd = w->fd};
+	s->is_double = w->wider;
 	for (int k = 0; k < 3; k++)
 		s->is_double = s->is_double || wh_type_is_wide(e->props[prop[k]].type);
 	const wh_type type = s->is_double ? WH_F64 : WH_F32;
@@ -40,6 +41,19 @@ wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *s
 	for (int i = 0; i < ex->workers; i++)
 		wh_facer_init(&w->facers[i], &w->source);
 	return WH_OK;
+}
+
+void wh_rewrite_widen(wh_rewrite *w)
+{
+	w->wider = true;
+}
+
+void wh_rewrite_set_vertices(wh_rewrite *w, uint64_t nv)
+{
+	w->source.nv = nv;
+	w->end = nv * w->source.vstride;
+	for (int i = 0; i < w->ex->workers; i++)
+		wh_facer_init(&w->facers[i], &w->source);
 }
 
 void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep)

@@ -24,6 +24,7 @@ typedef struct wh_rewrite {
 	wh_facer *facers;  /* one per worker */
 	uint64_t polygons; /* of the facers whose output was taken */
 	uint64_t degenerate;
+	_Atomic bool wider; /* coordinates whose type is not declared have to be doubles */
 } wh_rewrite;
 
 /* Makes the temporary file. The vertices will be in it, at its beginning. */
@@ -31,6 +32,10 @@ wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *s
                         const wh_ply *ply);
 /* Forgets what was written: for a second try in another way. */
 void wh_rewrite_restart(wh_rewrite *w);
+/* Some coordinate tells more than a float holds: the next try is with doubles. Thread-safe. */
+void wh_rewrite_widen(wh_rewrite *w);
+/* There are so many vertices, other than the file's description says. Before any face is added. */
+void wh_rewrite_set_vertices(wh_rewrite *w, uint64_t nv);
 /* Frees all but the temporary file, which is closed only when keep is false. */
 void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep);
 
@@ -71,7 +76,8 @@ static inline int wh_corner_list(const wh_ply *p, int elem)
 }
 
 /* The three ways. Each fills the source; WH_E_IRREGULAR, with nothing recorded, from
- * wh_rewrite_lines says that lines are not items: use wh_rewrite_words. */
+ * wh_rewrite_lines says that lines are not items: use wh_rewrite_words. From either kind of text it
+ * says, where w->wider is set that was not, that doubles are needed: restart. */
 wh_code wh_rewrite_binary(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *w);

@@ -25,14 +25,17 @@ enum {
 	MORE = 1 << 16   /* bytes read first when a chunk's last line goes on behind it */
 };
 
+/* What a line or a part of one begins with. */
+typedef enum kind { BLANKS, WORD, COMMENT } kind;
+
 /* What a chunk's bytes say by themselves, and what follows from the chunks before it. */
 typedef struct chunk {
-	uint64_t first;     /* number of the chunk's first line */
-	uint32_t lines;     /* that begin behind a line end within the chunk */
-	bool word_at_start; /* there is a word before its first line end */
-	bool has_end;       /* it has a line end */
-	bool word_at_end;   /* there is a word behind its last line end */
-	bool in_line;       /* its first bytes go on a line whose first word is before it */
+	uint64_t first; /* number of the chunk's first line */
+	uint32_t lines; /* that begin behind a line end within the chunk */
+	kind at_start;  /* what there is before its first line end, ... */
+	bool has_end;   /* ... if it has one, ... */
+	kind at_end;    /* ... and behind its last */
+	bool in_line;   /* its first bytes go on a line whose first word is before it */
 } chunk;
 
 /* What is done with a property of an item. */
@@ -50,7 +53,8 @@ typedef struct element {
 typedef struct scratch {
 	char *text;
 	size_t text_cap;
-	size_t n; /* bytes of text */
+	size_t n;  /* bytes of text */
+	bool wide; /* some coordinate needs a double */
 	double *xyz;
 	size_t xyz_cap;
 	uint64_t *ids;
@@ -64,6 +68,7 @@ typedef struct job {
 	int64_t nchunks;
 	element *elements;
 	bool lenient;     /* words behind the last property are passed over */
+	bool undeclared;  /* coordinates may need doubles */
 	bool faces_now;   /* which of the two passes this is */
 	scratch *scratch; /* one per worker */
 } job;
@@ -81,24 +86,24 @@ static size_t chunk_bytes(const job *j, int64_t index)
 	return left < CHUNK ? (size_t)left : CHUNK;
 }
 
-/* Is there a word before the line end at `end`? */
-static bool has_word(const char *s, const char *end)
+/* What begins before the line end at `end`? */
+static kind kind_of(const char *s, const char *end, char comment)
 {
 	while (s < end && wh_is_blank(*s))
 		s++;
-	return s < end;
+	return s == end ? BLANKS : comment && *s == comment ? COMMENT : WORD;
 }
 
-static void count_lines(chunk *k, const char *s, const char *end, char eol)
+static void count_lines(chunk *k, const char *s, const char *end, char eol, char comment)
 {
 	const char *stop = memchr(s, eol, (size_t)(end - s));
 	k->has_end = stop != NULL;
-	k->word_at_start = has_word(s, stop ? stop : end);
+	k->at_start = kind_of(s, stop ? stop : end, comment);
 	while (stop) {
 		s = stop + 1;
 		stop = memchr(s, eol, (size_t)(end - s));
-		k->word_at_end = has_word(s, stop ? stop : end);
-		k->lines += k->word_at_end;
+		k->at_end = kind_of(s, stop ? stop : end, comment);
+		k->lines += k->at_end == WORD;
 	}
 }
 
@@ -111,7 +116,7 @@ static wh_code count_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (wh_reserve(c, &s->text, &s->text_cap, CHUNK + 1, 1) != WH_OK ||
 	    wh_ply_pread(c, p->path, p->fd, s->text, n, chunk_start(j, index)) != WH_OK)
 		return c->err.code;
-	count_lines(&j->chunks[index], s->text, s->text + n, j->eol);
+	count_lines(&j->chunks[index], s->text, s->text + n, j->eol, p->comment);
 	return WH_OK;
 }
 
@@ -119,14 +124,14 @@ static wh_code count_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 static uint64_t number_lines(job *j)
 {
 	uint64_t line = 0;
-	bool in_line = false;
+	kind before = BLANKS; /* in front of the chunk, on the line that it begins in */
 	for (int64_t i = 0; i < j->nchunks; i++) {
 		chunk *k = &j->chunks[i];
 		k->first = line;
-		k->in_line = in_line;
-		k->lines += k->word_at_start && !in_line;
+		k->in_line = before != BLANKS;
+		k->lines += k->at_start == WORD && before == BLANKS;
 		line += k->lines;
-		in_line = k->has_end ? k->word_at_end : in_line || k->word_at_start;
+		before = k->has_end ? k->at_end : before != BLANKS ? before : k->at_start;
 	}
 	return line;
 }
@@ -224,7 +229,9 @@ static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, 
 			s = skip_words(s, 1, j->eol);
 		} else if (a <= TAKE_Z) {
 			s = skip_blanks(s, j->eol);
-			s = *s == j->eol ? NULL : wh_scan_real(s, &xyz[a - TAKE_X]);
+			s = *s == j->eol    ? NULL
+			    : j->undeclared ? wh_scan_decimal(s, &xyz[a - TAKE_X], &w->wide)
+			                    : wh_scan_real(s, &xyz[a - TAKE_X]);
 		} else {
 			s = scan_count(s, j->eol, &n);
 			if (s && a == SKIP_LIST) {
@@ -373,12 +380,13 @@ static wh_code do_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (load(c, j, index, w, &stop) != WH_OK)
 		return c->err.code;
 	const char *s = w->text;
+	const char comment = j->rw->ply->comment;
 	if (j->chunks[index].in_line)
 		s = (const char *)memchr(s, j->eol, w->n + 1) + 1;
 	while (s < w->text + stop) {
 		s = skip_blanks(s, j->eol);
 		/* a line whose first word is behind the chunk is the next chunk's */
-		if (*s != j->eol && s < w->text + stop) {
+		if (*s != j->eol && s < w->text + stop && (!comment || *s != comment)) {
 			const wh_code code = do_line(c, j, &k, s, w, &j->rw->facers[worker]);
 			if (code != WH_OK)
 				return code;
@@ -388,6 +396,10 @@ static wh_code do_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	if (k.vertices == 0)
 		return WH_OK;
+	if (w->wide && !j->rw->source.is_double) {
+		wh_rewrite_widen(j->rw);
+		return WH_E_IRREGULAR;
+	}
 	return wh_rewrite_put_vertices(c, j->rw, k.first_vertex, w->xyz, k.vertices);
 }
 
@@ -412,7 +424,7 @@ static wh_code run_passes(wh_ctx *c, job *j)
 	const uint64_t lines = number_lines(j);
 	if (lines < promised)
 		return WH_E_IRREGULAR;
-	j->lenient = lines == promised;
+	j->lenient = j->rw->ply->open_ended || lines == promised;
 	code = wh_exec_for(c, ex, j->nchunks, do_chunk, j);
 	if (code == WH_OK)
 		code = wh_rewrite_start_faces(c, j->rw);
@@ -439,7 +451,7 @@ static void close_job(wh_ctx *c, job *j)
 wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *rw)
 {
 	const wh_ply *p = rw->ply;
-	job j = {.rw = rw, .eol = p->eol};
+	job j = {.rw = rw, .eol = p->eol, .undeclared = p->undeclared && !rw->source.is_double};
 	j.nchunks = (int64_t)((p->size - p->body + CHUNK - 1) / CHUNK);
 	j.chunks = wh_calloc(c, (size_t)j.nchunks, sizeof *j.chunks);
 	j.elements = wh_calloc(c, p->nelems, sizeof *j.elements);

@@ -31,6 +31,7 @@ typedef struct reader {
 	uint64_t *ids; /* corners of the face at hand */
 	size_t ids_cap;
 	double *xyz; /* BATCH vertices */
+	bool wide;   /* some coordinate needs a double */
 } reader;
 
 /* --- words --- */
@@ -85,13 +86,32 @@ static wh_code bad_word(wh_ctx *c, const reader *r, const char *word, const char
 	               word, wanted);
 }
 
-/* Passes over blanks, counting lines; the file must go on behind them. */
-static wh_code skip_blanks(wh_ctx *c, reader *r)
+/* Passes over what is left of the line; the file may end with it. */
+static wh_code skip_line(wh_ctx *c, reader *r)
 {
 	const char eol = r->rw->ply->eol;
 	for (;;) {
+		const char *end = memchr(r->text + r->at, eol, r->n - r->at);
+		r->at = end ? (size_t)(end - r->text) : r->n;
+		if (end || at_file_end(r))
+			return WH_OK;
+		if (refill(c, r) != WH_OK)
+			return c->err.code;
+	}
+}
+
+/* Passes over blanks and comments, counting lines; the file must go on behind them. */
+static wh_code skip_blanks(wh_ctx *c, reader *r)
+{
+	const char eol = r->rw->ply->eol, comment = r->rw->ply->comment;
+	for (;;) {
 		while (r->at < r->n && wh_is_blank(r->text[r->at]))
 			r->line += r->text[r->at++] == eol;
+		if (r->at < r->n && comment && r->text[r->at] == comment) {
+			if (skip_line(c, r) != WH_OK)
+				return c->err.code;
+			continue;
+		}
 		if (r->at < r->n)
 			return WH_OK;
 		if (at_file_end(r))
@@ -143,7 +163,10 @@ static wh_code read_real(wh_ctx *c, reader *r, double *v)
 	const char *word = next_word(c, r);
 	if (!word)
 		return c->err.code;
-	return wh_scan_real(word, v) ? WH_OK : bad_word(c, r, word, "a number");
+	const bool undeclared = r->rw->ply->undeclared && !r->rw->source.is_double;
+	return (undeclared ? wh_scan_decimal(word, v, &r->wide) : wh_scan_real(word, v))
+	           ? WH_OK
+	           : bad_word(c, r, word, "a number");
 }
 
 /* The length of a list; its values take two bytes each at least. */
@@ -191,6 +214,12 @@ static wh_code read_vertices(wh_ctx *c, reader *r)
 	for (r->item = 0; r->item < r->elem->count; r->item++) {
 		const size_t k = (size_t)(r->item - first);
 		if (read_vertex(c, r, r->xyz + 3 * k) != WH_OK)
+			return c->err.code;
+		if (r->wide) {
+			wh_rewrite_widen(r->rw);
+			return WH_E_IRREGULAR;
+		}
+		if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
 			return c->err.code;
 		if (k + 1 < BATCH && r->item + 1 < r->elem->count)
 			continue;
@@ -258,6 +287,8 @@ static wh_code read_face(wh_ctx *c, reader *r, wh_facer *f, bool strip, int list
 		if (code != WH_OK)
 			return code;
 	}
+	if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
+		return c->err.code;
 	return take_when_full(c, r, f);
 }
 

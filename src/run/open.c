@@ -40,11 +40,12 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, rewrite, &r->input) != WH_OK)
+	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, r->from, rewrite, &r->input) !=
+	    WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	wh_reduce_report *t = r->report;
-	t->input_bytes = r->input.ply.size;
+	t->input_bytes = r->input.file_bytes;
 	t->input_vertices = r->input.source.nv;
 	t->input_faces = r->input.source.nf;
 	t->polygons = r->input.polygons;
@@ -77,6 +78,9 @@ void wh_run_list_dropped(wh_run *r)
 			if (vertex ? k != p->x && k != p->y && k != p->z : k != p->corners)
 				note_dropped(r->report, e->props[k].name);
 	}
+	if (r->input.source.is_double && !r->params->ascii &&
+	    (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
+		note_dropped(r->report, "double precision");
 }
 
 static wh_plan make_plan(const wh_run *r)
@@ -134,7 +138,7 @@ wh_code wh_run_ingest(wh_run *r)
 		code = ingest_once(r);
 	}
 	if (code == WH_OK)
-		code = wh_ply_unchanged(r->c, &r->input.ply);
+		code = wh_input_unchanged(r->c, &r->input);
 	if (code != WH_OK)
 		return code;
 	count_input_reads(r);
@@ -167,11 +171,12 @@ wh_code wh_run_copy_input(wh_run *r, wh_outfile **out)
 	t->unchanged = true;
 	t->output_vertices = t->input_vertices;
 	t->output_faces = t->input_faces;
+	const uint64_t size = r->input.ply.size; /* unpacked */
 	uint8_t *buf = wh_alloc(r->c, COPY, 1);
 	wh_run_phase_begin(r);
 	wh_code code = r->c->err.code;
-	for (uint64_t at = 0; code == WH_OK && at < t->input_bytes; at += COPY) {
-		const uint64_t left = t->input_bytes - at;
+	for (uint64_t at = 0; code == WH_OK && at < size; at += COPY) {
+		const uint64_t left = size - at;
 		const size_t n = left < COPY ? (size_t)left : COPY;
 		code = wh_poll(r->c);
 		if (code == WH_OK)
@@ -181,7 +186,7 @@ wh_code wh_run_copy_input(wh_run *r, wh_outfile **out)
 	}
 	wh_free(r->c, buf);
 	if (code == WH_OK)
-		code = wh_ply_unchanged(r->c, &r->input.ply);
+		code = wh_input_unchanged(r->c, &r->input);
 	if (code == WH_OK)
 		code = wh_run_commit(r, out);
 	return wh_run_phase_end(r, WH_PHASE_WRITE, code);

@@ -116,6 +116,8 @@ double wh_run_share(const wh_run *r)
 bool wh_run_copies(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
+	if (r->to != r->input.ply.kind)
+		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
 	return (t->target_faces && t->target_faces >= t->input_faces) ||
@@ -132,7 +134,8 @@ uint64_t wh_run_vertices(const wh_run *r)
 
 wh_ply_style wh_run_style(const wh_run *r)
 {
-	return (wh_ply_style){.ascii = r->params->ascii, .is_double = r->input.source.is_double};
+	return (wh_ply_style){
+	    .ascii = r->params->ascii, .is_double = r->input.source.is_double, .format = r->to};
 }
 
 wh_simplify_params wh_run_engine(const wh_run *r)
@@ -172,6 +175,8 @@ void wh_run_note_check(wh_run *r, const wh_check *found)
 
 wh_code wh_run_commit(wh_run *r, wh_outfile **out)
 {
+	if (wh_outfile_end(r->c, *out) != WH_OK)
+		return r->c->err.code;
 	r->report->output_bytes = wh_outfile_bytes(*out);
 	wh_outfile_checksum(*out, r->report->checksum);
 	if (r->seams && wh_outfile_commit(r->c, &r->seams) != WH_OK)

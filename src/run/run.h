@@ -29,6 +29,9 @@ typedef struct wh_run {
 	wh_exec exec;
 	wh_progress progress;
 	wh_spill spill;
+	wh_format from; /* of the input, where the user says so */
+	wh_format to;   /* of the output */
+	wh_packing packing;
 	wh_input input;
 	bool input_open;
 	wh_ingest_result ingest;

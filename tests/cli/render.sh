@@ -13,8 +13,8 @@ picture() {
 		fail "$1: $(number "$1" 16 4) x $(number "$1" 20 4), kind $(number "$1" 25 1)"
 }
 
-"$WHITTLE" generate -q -o a.ply --faces 200K --colors --order shuffled || fail "generate"
-"$WHITTLE" generate -q -o b.ply --faces 50K --seed 5 || fail "generate"
+"$WHITTLE" generate -q -o a.ply --faces 40K --colors --order shuffled || fail "generate"
+"$WHITTLE" generate -q -o b.ply --faces 10K --seed 5 || fail "generate"
 "$WHITTLE" generate -q -o t.ply --faces 20K --shape terrain --ascii || fail "generate"
 
 render() {
@@ -92,7 +92,7 @@ done
 expect 3 "$WHITTLE" render b.ply -o no.png --colours
 grep -q red err || fail "what is missing is not named: $(cat err)"
 expect 3 "$WHITTLE" render missing.ply -o no.png
-head -c 100000 a.ply >cut.ply
+head -c 10000 a.ply >cut.ply
 expect 3 "$WHITTLE" render cut.ply -o no.png
 expect 1 "$WHITTLE" render a.ply -o nowhere/no.png
 [ ! -e no.png ] || fail "a picture in spite of a failure"

@@ -1,0 +1,48 @@
+/*
+ * mesh_write: a mesh to an output in any of the formats, streamed.
+ *
+ * First wh_mesh_begin; then all vertices and all triangles, or, where wh_mesh_wants_facets, facets
+ * alone; then wh_mesh_end. The bytes depend on the mesh and the style alone. PLY, OFF, OBJ and text
+ * hold doubles where the style says so; STL and GLB have floats only.
+ */
+#ifndef WH_IO_MESH_WRITE_H
+#define WH_IO_MESH_WRITE_H
+
+#include "io/outfile.h"
+#include "io/ply.h"
+
+/* Bounds of the vertices. Zero-initialised, it holds no vertex. */
+typedef struct wh_mesh_box {
+	double lo[3], hi[3];
+	bool any;
+} wh_mesh_box;
+
+void wh_mesh_box_add(wh_mesh_box *b, const double p[3]);
+void wh_mesh_box_join(wh_mesh_box *b, const wh_mesh_box *other);
+
+/* True when the header holds the bounds, which have to be found first. */
+bool wh_mesh_wants_box(wh_ply_style style);
+/* True when triangles are written with their positions, and vertices not at all. */
+bool wh_mesh_wants_facets(wh_ply_style style);
+
+/* A mesh on its way out. */
+typedef struct wh_mesh_out {
+	wh_outfile *out;
+	wh_ply_style style;
+	double origin[3]; /* taken off all positions (GLB of doubles) */
+} wh_mesh_out;
+
+/* The header. `box` may be NULL where nobody wants it. WH_E_USAGE when the format cannot hold so
+ * many vertices or faces. */
+wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style style, uint64_t nv,
+                      uint64_t nf, const wh_mesh_box *box);
+/* n vertices (3n doubles). */
+wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, size_t n);
+/* n triangles (3n indices). */
+wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, size_t n);
+/* n triangles of the vertices at xyz, whose coordinates are multiplied by `scale`. */
+wh_code wh_mesh_facets(wh_ctx *c, const wh_mesh_out *m, const double *xyz, double scale,
+                       const uint32_t *ids, size_t n);
+wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m);
+
+#endif

@@ -1,0 +1,16 @@
+/*
+ * off: the header of OFF files (Geomview), text and binary, described in PLY's words.
+ *
+ * Kinds with texture coordinates (ST), colours (C) and normals (N) are known; of a text, what
+ * follows the position of a vertex or the corners of a face on its line is passed over.
+ */
+#ifndef WH_IO_OFF_H
+#define WH_IO_OFF_H
+
+#include "io/ply.h"
+
+/* Parses the header of the open file. WH_E_INPUT for one that is damaged, for the kinds of other
+ * dimensions, and for counts that the file's size cannot hold. On failure the caller closes *p. */
+wh_code wh_off_read_header(wh_ctx *c, wh_ply *p);
+
+#endif

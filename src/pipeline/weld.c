@@ -1,0 +1,575 @@
+/*
+ * Welding out of core. Corners have numbers, in the order of the file; the vertex of a corner is
+ * the first corner at its position, its representative.
+ *
+ *     scatter  corners to buckets by the hash of their positions, in order
+ *     match    bucket by bucket, a table of positions tells each corner's representative; corners
+ *              that are none go to ranges of corner numbers, with their representative's; those
+ *              that are one set their bit
+ *     number   bits before a representative's are the number of its vertex
+ *     write    range by range, in order: positions of the representatives, then triangles
+ *
+ * How many buckets and ranges there are has no influence on the result. A bucket is streamed past
+ * its table, so that a million corners at one position take no more room than one.
+ *
+ * Cost: two passes over the facets and one over what is scattered; time is linear.
+ */
+#include "pipeline/weld.h"
+
+#include "base/bytes.h"
+#include "mesh/coincident.h"
+
+#include <inttypes.h>
+#include <math.h>
+
+enum {
+	BATCH = 8192,           /* facets read at a time */
+	BUCKET = 256 * 1024,    /* corners of a bucket, while there are not too many buckets, ... */
+	MOST_BUCKETS = 2048,    /* ... as each has a block being filled */
+	RANGE = 3 * 128 * 1024, /* the same for ranges, of which every worker has its own */
+	MOST_RANGES = 2048,
+	BLOCK = 768,       /* records of a bucket's block, ... */
+	RANGE_BLOCK = 256, /* ... and of a range's */
+	WORD = 64,         /* bits */
+	LOT = 8            /* words between two counts of bits */
+};
+
+/* ---- bins: many streams of records in one file -------------------------------------------- */
+
+/* The file behind the bins, perhaps of several workers. */
+typedef struct bin_file {
+	wh_spill *spill;
+	int fd;
+	_Atomic uint64_t end; /* bytes */
+} bin_file;
+
+typedef struct bin {
+	uint64_t *block; /* where its blocks are */
+	size_t blocks, cap;
+	size_t used; /* records in the buffer */
+} bin;
+
+typedef struct bins {
+	bin_file *file;
+	bin *bin;
+	uint32_t n;
+	size_t record, per_block; /* bytes; records */
+	unsigned char *buffer;    /* a block for each bin */
+} bins;
+
+static wh_code bins_open(wh_ctx *c, bins *b, bin_file *file, uint32_t n, size_t record,
+                         size_t per_block)
+{
+	*b = (bins){.file = file, .n = n, .record = record, .per_block = per_block};
+	b->bin = wh_calloc(c, n, sizeof *b->bin);
+	b->buffer = wh_alloc(c, n, record * per_block);
+	return b->bin && b->buffer ? WH_OK : wh_failed(c);
+}
+
+static void bins_close(wh_ctx *c, bins *b)
+{
+	for (uint32_t i = 0; b->bin && i < b->n; i++)
+		wh_free(c, b->bin[i].block);
+	wh_free(c, b->bin);
+	wh_free(c, b->buffer);
+	*b = (bins){0};
+}
+
+static unsigned char *bin_buffer(const bins *b, uint32_t i)
+{
+	return b->buffer + (size_t)i * b->record * b->per_block;
+}
+
+/* Writes the buffer of a bin, whose last block it stays until it is full again. */
+static wh_code bin_write(wh_ctx *c, bins *b, uint32_t i)
+{
+	bin *k = &b->bin[i];
+	const size_t bytes = b->record * b->per_block;
+	if (k->used == 0)
+		return WH_OK;
+	if (wh_reserve(c, &k->block, &k->cap, k->blocks + 1, sizeof *k->block) != WH_OK)
+		return c->err.code;
+	k->block[k->blocks++] = atomic_fetch_add(&b->file->end, bytes);
+	return wh_spill_pwrite(c, b->file->spill, b->file->fd, bin_buffer(b, i),
+	                       k->used * b->record, k->block[k->blocks - 1]);
+}
+
+/* Room for one more record of a bin. NULL on failure. */
+static unsigned char *bin_room(wh_ctx *c, bins *b, uint32_t i)
+{
+	bin *k = &b->bin[i];
+	if (k->used == b->per_block) {
+		if (bin_write(c, b, i) != WH_OK)
+			return NULL;
+		k->used = 0;
+	}
+	return bin_buffer(b, i) + b->record * k->used++;
+}
+
+/* All records are there: writes what is left in the buffers, and frees them. */
+static wh_code bins_end(wh_ctx *c, bins *b)
+{
+	for (uint32_t i = 0; i < b->n; i++)
+		if (bin_write(c, b, i) != WH_OK)
+			return c->err.code;
+	wh_free(c, b->buffer);
+	b->buffer = NULL;
+	return WH_OK;
+}
+
+/* Reads block k of a bin, of which *n records are used. */
+static wh_code bin_read(wh_ctx *c, const bins *b, uint32_t i, size_t k, void *to, size_t *n)
+{
+	const bin *from = &b->bin[i];
+	*n = k + 1 < from->blocks ? b->per_block : from->used;
+	return wh_spill_pread(c, b->file->spill, b->file->fd, to, *n * b->record, from->block[k]);
+}
+
+/* ---- the work ----------------------------------------------------------------------------- */
+
+/* What one worker needs. */
+typedef struct hand {
+	unsigned char *raw; /* BATCH facets */
+	double *xyz;        /* their corners */
+	size_t n;           /* corners */
+	uint32_t *bucket;   /* of each */
+	bins ranges;
+	unsigned char *block;
+	unsigned char *entry; /* different positions of a bucket, with their representatives */
+	size_t entries, entry_cap;
+	uint32_t *slot; /* table of them: number + 1 */
+	size_t slots, slot_cap;
+	uint64_t *rep; /* of the corners of a range */
+	double *firsts;
+} hand;
+
+typedef struct weld {
+	const wh_soup *soup;
+	wh_rewrite *rw;
+	hand *hands;
+	uint64_t corners;
+	size_t key, id; /* bytes of a position, of a corner's number */
+	uint32_t nbuckets, nranges;
+	uint64_t range; /* corners */
+	bin_file bucket_file, range_file;
+	bins buckets;
+	uint64_t *bits;   /* of the representatives */
+	uint64_t *before; /* bits before each lot of words */
+} weld;
+
+static void put_id(unsigned char *to, uint64_t id, size_t size)
+{
+	const uint32_t small = (uint32_t)id;
+	if (size == 4)
+		memcpy(to, &small, 4);
+	else
+		memcpy(to, &id, 8);
+}
+
+static uint64_t get_id(const unsigned char *from, size_t size)
+{
+	return size == 4 ? wh_load32(from, false) : wh_load64(from, false);
+}
+
+/* ---- reading facets ----------------------------------------------------------------------- */
+
+static wh_code check_corner(wh_ctx *c, const weld *w, uint64_t corner, const double *p)
+{
+	for (int k = 0; k < 3; k++)
+		if (!isfinite(p[k]))
+			return wh_fail(c, WH_E_INPUT,
+			               "'%s', facet %" PRIu64 ", corner %d: %c is not a finite "
+			               "number; remove such facets first",
+			               w->soup->path, corner / 3, (int)(corner % 3), "xyz"[k]);
+	return WH_OK;
+}
+
+/* Corners of n facets from number `first` on, into h->xyz. */
+static wh_code read_facets(wh_ctx *c, const weld *w, hand *h, uint64_t first, size_t n)
+{
+	const wh_soup *s = w->soup;
+	const size_t size = wh_type_size(s->type);
+	if (wh_ply_pread(c, s->path, s->fd, h->raw, (n - 1) * (size_t)s->stride + 9 * size,
+	                 s->base + first * s->stride) != WH_OK)
+		return c->err.code;
+	h->n = 3 * n;
+	for (size_t i = 0; i < n; i++) {
+		const unsigned char *from = h->raw + i * s->stride;
+		double *to = h->xyz + 9 * i;
+		for (size_t k = 0; k < 9; k++)
+			to[k] = size == 4 ? (double)wh_loadf(from + 4 * k, s->swap)
+			                  : wh_loadd(from + 8 * k, s->swap);
+	}
+	return WH_OK;
+}
+
+static size_t batch_facets(const weld *w, uint64_t first)
+{
+	const uint64_t left = w->soup->facets - first;
+	return left < BATCH ? (size_t)left : BATCH;
+}
+
+/* ---- scatter ------------------------------------------------------------------------------ */
+
+static wh_code scatter_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const weld *w = arg;
+	hand *h = &w->hands[worker];
+	const uint64_t first = (uint64_t)index * BATCH;
+	if (read_facets(c, w, h, first, batch_facets(w, first)) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < h->n; i++) {
+		const double *p = h->xyz + 3 * i;
+		if (check_corner(c, w, 3 * first + i, p) != WH_OK)
+			return c->err.code;
+		const uint64_t high = wh_coincident_hash(wh_v3(p[0], p[1], p[2])) >> 32;
+		h->bucket[i] = (uint32_t)(high * w->nbuckets >> 32);
+	}
+	return WH_OK;
+}
+
+/* -0 becomes 0, so that equal positions have equal bytes. */
+static void put_key(unsigned char *to, const double *p, size_t key)
+{
+	for (size_t k = 0; k < 3; k++) {
+		const double d = p[k] + 0.0;
+		const float f = (float)d;
+		if (key == 12)
+			memcpy(to + 4 * k, &f, 4);
+		else
+			memcpy(to + 8 * k, &d, 8);
+	}
+}
+
+static wh_code scatter_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	weld *w = arg;
+	const hand *h = &w->hands[worker];
+	const uint64_t first = (uint64_t)index * BATCH * 3;
+	for (size_t i = 0; i < h->n; i++) {
+		unsigned char *to = bin_room(c, &w->buckets, h->bucket[i]);
+		if (!to)
+			return c->err.code;
+		put_key(to, h->xyz + 3 * i, w->key);
+		put_id(to + w->key, first + i, w->id);
+	}
+	return WH_OK;
+}
+
+/* ---- match -------------------------------------------------------------------------------- */
+
+static uint64_t hash_key(const unsigned char *key, size_t size)
+{
+	uint64_t h = 0;
+	for (size_t i = 0; i < size; i += 4)
+		h = (h ^ wh_load32(key + i, false)) * 0x9fb21c651e98df25u;
+	h ^= h >> 32;
+	return h * 0xd6e8feb86659fd93u >> 20;
+}
+
+/* The slot of a position: its own, or the empty one where it belongs. */
+static uint32_t *find_slot(const weld *w, const hand *h, const unsigned char *key)
+{
+	const size_t each = w->key + w->id;
+	for (size_t at = hash_key(key, w->key) & (h->slots - 1);; at = (at + 1) & (h->slots - 1)) {
+		uint32_t *s = &h->slot[at];
+		if (*s == 0 || memcmp(h->entry + (size_t)(*s - 1) * each, key, w->key) == 0)
+			return s;
+	}
+}
+
+/* Keeps the table half empty. */
+static wh_code grow_table(wh_ctx *c, const weld *w, hand *h)
+{
+	const size_t each = w->key + w->id;
+	if (2 * (h->entries + 1) <= h->slots)
+		return WH_OK;
+	const size_t slots = h->slots ? 2 * h->slots : 1024;
+	if (slots > UINT32_MAX ||
+	    wh_renew(c, &h->slot, &h->slot_cap, slots, sizeof *h->slot) != WH_OK) {
+		h->slots = 0;
+		return wh_fail(c, WH_E_PLAN, "'%s' has too many vertices to be welded",
+		               w->soup->path);
+	}
+	h->slots = slots;
+	memset(h->slot, 0, slots * sizeof *h->slot);
+	for (size_t i = 0; i < h->entries; i++)
+		*find_slot(w, h, h->entry + i * each) = (uint32_t)i + 1;
+	return WH_OK;
+}
+
+/* The representative of a record's corner. */
+static wh_code match(wh_ctx *c, const weld *w, hand *h, const unsigned char *record, uint64_t *rep)
+{
+	const size_t each = w->key + w->id;
+	if (grow_table(c, w, h) != WH_OK)
+		return c->err.code;
+	uint32_t *s = find_slot(w, h, record);
+	if (*s == 0) {
+		if (wh_reserve(c, &h->entry, &h->entry_cap, (h->entries + 1) * each, 1) != WH_OK)
+			return c->err.code;
+		memcpy(h->entry + h->entries * each, record, each);
+		*s = (uint32_t)++h->entries;
+	}
+	*rep = get_id(h->entry + (size_t)(*s - 1) * each + w->key, w->id);
+	return WH_OK;
+}
+
+/* One record: a bit for a representative, an entry in its range for any other corner. */
+static wh_code match_record(wh_ctx *c, const weld *w, hand *h, const unsigned char *record)
+{
+	const uint64_t id = get_id(record + w->key, w->id);
+	uint64_t rep = 0;
+	if (match(c, w, h, record, &rep) != WH_OK)
+		return c->err.code;
+	if (rep == id) {
+		(void)__atomic_fetch_or(&w->bits[id / WORD], UINT64_C(1) << id % WORD,
+		                        __ATOMIC_RELAXED);
+		return WH_OK;
+	}
+	unsigned char *to = bin_room(c, &h->ranges, (uint32_t)(id / w->range));
+	if (!to)
+		return c->err.code;
+	put_id(to, id, w->id);
+	put_id(to + w->id, rep, w->id);
+	return WH_OK;
+}
+
+static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const weld *w = arg;
+	hand *h = &w->hands[worker];
+	const uint32_t b = (uint32_t)index;
+	h->entries = 0;
+	if (h->slots)
+		memset(h->slot, 0, h->slots * sizeof *h->slot);
+	for (size_t k = 0; k < w->buckets.bin[b].blocks; k++) {
+		size_t n;
+		if (bin_read(c, &w->buckets, b, k, h->block, &n) != WH_OK)
+			return c->err.code;
+		for (size_t i = 0; i < n; i++)
+			if (match_record(c, w, h, h->block + i * w->buckets.record) != WH_OK)
+				return c->err.code;
+	}
+	return WH_OK;
+}
+
+/* ---- number ------------------------------------------------------------------------------- */
+
+/* Counts the bits; returns how many there are. */
+static uint64_t count_bits(weld *w)
+{
+	const uint64_t words = w->corners / WORD + 1;
+	uint64_t n = 0;
+	for (uint64_t i = 0; i < words; i++) {
+		if (i % LOT == 0)
+			w->before[i / LOT] = n;
+		n += (uint64_t)__builtin_popcountll(w->bits[i]);
+	}
+	return n;
+}
+
+/* The vertex of a representative: representatives before it. */
+static uint64_t vertex_of(const weld *w, uint64_t rep)
+{
+	const uint64_t word = rep / WORD;
+	uint64_t n = w->before[word / LOT];
+	for (uint64_t i = word / LOT * LOT; i < word; i++)
+		n += (uint64_t)__builtin_popcountll(w->bits[i]);
+	const uint64_t below = (UINT64_C(1) << rep % WORD) - 1;
+	return n + (uint64_t)__builtin_popcountll(w->bits[word] & below);
+}
+
+/* ---- write -------------------------------------------------------------------------------- */
+
+/* Representatives of the range's corners; by default they are their own. */
+static wh_code load_range(wh_ctx *c, const weld *w, hand *h, uint32_t k, uint64_t first, size_t n)
+{
+	for (size_t i = 0; i < n; i++)
+		h->rep[i] = first + i;
+	for (int i = 0; i < w->rw->ex->workers; i++) {
+		const bins *b = &w->hands[i].ranges;
+		for (size_t j = 0; j < b->bin[k].blocks; j++) {
+			size_t got;
+			if (bin_read(c, b, k, j, h->block, &got) != WH_OK)
+				return c->err.code;
+			for (size_t m = 0; m < got; m++) {
+				const unsigned char *from = h->block + m * b->record;
+				h->rep[get_id(from, w->id) - first] = get_id(from + w->id, w->id);
+			}
+		}
+	}
+	return WH_OK;
+}
+
+/* Positions of the representatives among the corners of a batch. */
+static wh_code write_positions(wh_ctx *c, const weld *w, hand *h, const uint64_t *rep,
+                               uint64_t first)
+{
+	size_t n = 0;
+	for (size_t i = 0; i < h->n; i++) {
+		if (rep[i] != first + i)
+			continue;
+		memcpy(h->firsts + 3 * n++, h->xyz + 3 * i, 3 * sizeof *h->xyz);
+	}
+	return n ? wh_rewrite_put_vertices(c, w->rw, vertex_of(w, first), h->firsts, n) : WH_OK;
+}
+
+static wh_code add_triangles(wh_ctx *c, const weld *w, wh_facer *f, const uint64_t *rep, size_t n)
+{
+	for (size_t i = 0; i < n; i += 3) {
+		const uint64_t ids[3] = {vertex_of(w, rep[i]), vertex_of(w, rep[i + 1]),
+		                         vertex_of(w, rep[i + 2])};
+		if (wh_facer_add(c, f, ids, 3) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
+}
+
+static wh_code write_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const weld *w = arg;
+	hand *h = &w->hands[worker];
+	const uint64_t first = (uint64_t)index * w->range, left = w->corners - first;
+	const size_t n = left < w->range ? (size_t)left : (size_t)w->range;
+	if (load_range(c, w, h, (uint32_t)index, first, n) != WH_OK)
+		return c->err.code;
+	for (size_t at = 0; at < n; at += 3 * (size_t)BATCH) {
+		const size_t facets = (n - at) / 3 < BATCH ? (n - at) / 3 : BATCH;
+		if (read_facets(c, w, h, (first + at) / 3, facets) != WH_OK ||
+		    write_positions(c, w, h, h->rep + at, first + at) != WH_OK)
+			return c->err.code;
+	}
+	return add_triangles(c, w, &w->rw->facers[worker], h->rep, n);
+}
+
+static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const weld *w = arg;
+	(void)index;
+	return wh_rewrite_take(c, w->rw, &w->rw->facers[worker]);
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+static uint32_t share_out(uint64_t n, uint64_t each, uint32_t most)
+{
+	const uint64_t k = (n + each - 1) / each;
+	return k < 1 ? 1 : k > most ? most : (uint32_t)k;
+}
+
+static void plan(weld *w)
+{
+	w->corners = 3 * w->soup->facets;
+	w->key = 3 * wh_type_size(w->soup->type);
+	w->id = w->corners > UINT32_MAX ? 8 : 4;
+	w->nbuckets = share_out(w->corners, BUCKET, MOST_BUCKETS);
+	const uint32_t ranges = share_out(w->corners, RANGE, MOST_RANGES);
+	w->range = (w->soup->facets + ranges - 1) / ranges * 3;
+	w->nranges = share_out(w->corners, w->range, MOST_RANGES);
+}
+
+static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, bin_file *ranges)
+{
+	const size_t record = w->key + w->id, block = BLOCK * record;
+	h->raw = wh_alloc(c, BATCH, w->soup->stride);
+	h->xyz = wh_alloc(c, BATCH, 9 * sizeof *h->xyz);
+	h->bucket = wh_alloc(c, BATCH, 3 * sizeof *h->bucket);
+	h->block =
+	    wh_alloc(c, block > RANGE_BLOCK * 2 * w->id ? block : RANGE_BLOCK * 2 * w->id, 1);
+	h->firsts = wh_alloc(c, BATCH, 9 * sizeof *h->firsts);
+	if (!h->raw || !h->xyz || !h->bucket || !h->block || !h->firsts)
+		return wh_failed(c);
+	return bins_open(c, &h->ranges, ranges, w->nranges, 2 * w->id, RANGE_BLOCK);
+}
+
+static wh_code open_weld(wh_ctx *c, weld *w)
+{
+	wh_spill *spill = w->rw->spill;
+	w->bucket_file = (bin_file){.spill = spill, .fd = wh_spill_scratch(c, spill)};
+	w->range_file = (bin_file){.spill = spill, .fd = wh_spill_scratch(c, spill)};
+	if (w->bucket_file.fd < 0 || w->range_file.fd < 0)
+		return wh_failed(c);
+	const uint64_t words = w->corners / WORD + 1;
+	w->bits = wh_calloc(c, (size_t)words, sizeof *w->bits);
+	w->before = wh_alloc(c, (size_t)(words / LOT + 1), sizeof *w->before);
+	w->hands = wh_calloc(c, (size_t)w->rw->ex->workers, sizeof *w->hands);
+	if (!w->bits || !w->before || !w->hands)
+		return wh_failed(c);
+	for (int i = 0; i < w->rw->ex->workers; i++)
+		if (open_hand(c, w, &w->hands[i], &w->range_file) != WH_OK)
+			return c->err.code;
+	return bins_open(c, &w->buckets, &w->bucket_file, w->nbuckets, w->key + w->id, BLOCK);
+}
+
+static void close_file(bin_file *f)
+{
+	if (f->fd >= 0)
+		wh_spill_close_scratch(f->spill, f->fd);
+	f->fd = -1;
+}
+
+static void close_weld(wh_ctx *c, weld *w)
+{
+	for (int i = 0; w->hands && i < w->rw->ex->workers; i++) {
+		hand *h = &w->hands[i];
+		bins_close(c, &h->ranges);
+		wh_free(c, h->raw);
+		wh_free(c, h->xyz);
+		wh_free(c, h->bucket);
+		wh_free(c, h->block);
+		wh_free(c, h->firsts);
+		wh_free(c, h->entry);
+		wh_free(c, h->slot);
+		wh_free(c, h->rep);
+	}
+	wh_free(c, w->hands);
+	wh_free(c, w->bits);
+	wh_free(c, w->before);
+	bins_close(c, &w->buckets);
+	close_file(&w->bucket_file);
+	close_file(&w->range_file);
+}
+
+/* Tables go, ranges come. */
+static wh_code turn_over(wh_ctx *c, weld *w)
+{
+	bins_close(c, &w->buckets);
+	close_file(&w->bucket_file);
+	for (int i = 0; i < w->rw->ex->workers; i++) {
+		hand *h = &w->hands[i];
+		wh_free(c, h->entry);
+		wh_free(c, h->slot);
+		h->entry = NULL;
+		h->slot = NULL;
+		h->rep = wh_alloc(c, (size_t)w->range, sizeof *h->rep);
+		if (!h->rep || bins_end(c, &h->ranges) != WH_OK)
+			return wh_failed(c);
+	}
+	return WH_OK;
+}
+
+static wh_code run(wh_ctx *c, weld *w)
+{
+	const wh_exec *ex = w->rw->ex;
+	const int64_t batches = (int64_t)((w->soup->facets + BATCH - 1) / BATCH);
+	if (wh_exec_ordered(c, ex, batches, scatter_job, scatter_commit, w) != WH_OK ||
+	    bins_end(c, &w->buckets) != WH_OK ||
+	    wh_exec_for(c, ex, w->nbuckets, match_job, w) != WH_OK || turn_over(c, w) != WH_OK)
+		return c->err.code;
+	wh_rewrite_set_vertices(w->rw, count_bits(w));
+	if (wh_rewrite_start_faces(c, w->rw) != WH_OK)
+		return c->err.code;
+	return wh_exec_ordered(c, ex, w->nranges, write_job, write_commit, w);
+}
+
+wh_code wh_weld(wh_ctx *c, wh_rewrite *rw, const wh_soup *s)
+{
+	weld w = {.soup = s, .rw = rw, .bucket_file = {.fd = -1}, .range_file = {.fd = -1}};
+	plan(&w);
+	wh_code code = open_weld(c, &w);
+	if (code == WH_OK)
+		code = run(c, &w);
+	close_weld(c, &w);
+	return code;
+}
