@@ -135,7 +135,7 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 {
 	wh_ply *ply = &r->input.ply;
 	wh_source *src = &r->input.source;
-	if (wh_input_look(r->c, r->params->input, &r->input) != WH_OK)
+	if (wh_input_look(r->c, r->params->input, r->params->attributes, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	report->rewritten = src->ffd != ply->fd;

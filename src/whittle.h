@@ -33,6 +33,10 @@ typedef struct wh_reduce_params {
 	bool fast;          /* less time for a little more error */
 	bool lock_boundary; /* boundary edges stay exactly as they are */
 
+	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
+	 * commas between them, where colour, normal and texture stand for all of that kind. */
+	const char *attributes;
+
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
 	int threads;          /* 0: all that the process may use */
 	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
@@ -72,9 +76,12 @@ typedef struct wh_reduce_report {
 	uint64_t polygons;              /* input faces with more than three corners */
 	uint64_t degenerate_faces;      /* dropped: a vertex repeated */
 	uint64_t unreferenced_vertices; /* dropped: in no face */
-	char dropped[512];              /* what the file holds besides positions and faces, by name,
-	                                   comma-separated */
-	double diagonal;                /* of the input's bounding box */
+	char carried[512]; /* vertex properties besides x, y and z that the output has, by name,
+	                      each kind behind its last: "red, green, blue (colour), nx, ny, nz
+	                      (normal)" */
+	char dropped[512]; /* what else the file holds and the output does not, by name,
+	                      comma-separated */
+	double diagonal;   /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
 	bool checked; /* the counts of the next line are known: a streamed result with very many

@@ -13,7 +13,8 @@
 static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
     "Reduces a PLY mesh within a memory ceiling; the first limit reached stops.\n"
-    "Positions and faces are kept; other properties are named in the summary.\n\n"
+    "Vertex properties (colours, normals, ...) are carried along; whatever is not is\n"
+    "named in the summary.\n\n"
     "  -o, --output FILE     where to; - is standard output\n"
     "  -n, --faces N|P%      triangles to keep: 200K, 1.5M, 10%\n"
     "      --vertices N|P%   vertices to keep\n"
@@ -22,6 +23,8 @@ static const char help[] =
     "                        the file or per cent of the bounding-box diagonal\n"
     "      --fast            less time for a little more error\n"
     "      --lock-boundary   keep boundary edges exactly\n"
+    "      --attributes LIST vertex properties to carry: all (default), none, or names,\n"
+    "                        as red,green,blue or colour,normal,quality\n"
     "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default:\n"
     "                        half of the machine's, its control group's or the job's)\n"
     "      --threads N       0 (default): all this process may use\n"
@@ -99,8 +102,10 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		(void)fprintf(
 		    f, "%llu faces instead of %llu: a closed surface has an even number\n",
 		    (unsigned long long)r->output_faces, (unsigned long long)r->target_faces);
+	if (r->carried[0])
+		(void)fprintf(f, "carried over: %s\n", r->carried);
 	if (r->dropped[0])
-		(void)fprintf(f, "not carried over (positions and faces only): %s\n", r->dropped);
+		(void)fprintf(f, "not carried over: %s\n", r->dropped);
 	if (r->degenerate_faces)
 		(void)fprintf(f, "dropped %llu degenerate %s\n",
 		              (unsigned long long)r->degenerate_faces,

@@ -12,6 +12,7 @@ enum {
 	OPT_ERROR,
 	OPT_FAST,
 	OPT_LOCK,
+	OPT_ATTRIBUTES,
 	OPT_MEMORY,
 	OPT_THREADS,
 	OPT_TEMP,
@@ -33,6 +34,7 @@ static const struct option long_options[] = {
     {"error", required_argument, NULL, OPT_ERROR},
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
+    {"attributes", required_argument, NULL, OPT_ATTRIBUTES},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
@@ -124,6 +126,9 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_LOCK:
 		p->lock_boundary = true;
+		break;
+	case OPT_ATTRIBUTES:
+		p->attributes = arg;
 		break;
 	case OPT_MEMORY:
 		ok = parse_size(arg, true, &n) && n >= 1 << 20;

@@ -159,11 +159,15 @@ static wh_code tell(const wh_engine *e, const wh_trial *t, double err)
 	                       .weight = t->weight,
 	                       .err = (float)err,
 	                       .faces = t->nshared};
-	return sink ? sink->put(e->c, sink->to, &r) : WH_OK;
+	if (!sink)
+		return WH_OK;
+	return sink->put(e->c, sink->to, &r, e->p->attr_bytes ? wh_patch_attr(e->p, t->v) : NULL);
 }
 
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
+	if (e->params->attributes && !t->into_locked)
+		wh_blend(e, t);
 	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;

@@ -5,6 +5,7 @@
  *     star.c           stars: the vertices and, in order, who is around them
  *     fan.c            a star taken out to work on; place and cost of the collapses of its edges
  *     trial.c          one collapse worked out: link condition, turning faces, distance
+ *     blend.c          the attributes of the vertex that a collapse makes
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
@@ -244,5 +245,11 @@ double wh_trial_distance(const wh_engine *e, const wh_trial *t);
 
 /* Makes it so: rings, positions, sums and guesses. What was gathered of the hub before is lost. */
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
+
+/* ---- blend.c ------------------------------------------------------------------------------ */
+
+/* Gives the vertex that stays the attributes that the surface has in its new place. To be called
+ * for a collapse between free vertices before it is made so; a locked vertex keeps its own. */
+void wh_blend(const wh_engine *e, const wh_trial *t);
 
 #endif

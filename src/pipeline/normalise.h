@@ -9,13 +9,14 @@
 #define WH_PIPELINE_NORMALISE_H
 
 #include "exec/exec.h"
-#include "io/ply.h"
+#include "io/attributes.h"
 #include "io/spill.h"
 #include "mesh/mesh.h"
 
 typedef struct wh_input {
 	wh_ply ply;
-	wh_source source;  /* refers to ply or to the temporary file below */
+	wh_source source; /* refers to ply or to the temporary file below, and to attributes */
+	wh_attributes attributes; /* besides positions; none when they were not asked for */
 	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
 	                      -1 when the whole body is used in place. Nameless: see spill.h */
 	uint64_t polygons; /* faces with more than three corners */
@@ -32,11 +33,15 @@ typedef struct wh_input {
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       bool force_rewrite, wh_input *in);
+/* The same with vertex properties besides the positions, those of wh_attributes_choose. *in must
+ * stay where it is. */
+wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                           bool force_rewrite, const char *attributes, wh_input *in);
 /*
  * The same, but a body that would have to be rewritten is not: the source then has the counts of
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
  */
-wh_code wh_input_look(wh_ctx *c, const char *path, wh_input *in);
+wh_code wh_input_look(wh_ctx *c, const char *path, const char *attributes, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
@@ -59,5 +64,8 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
  */
 wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_mesh *m,
                      bool *is_double, uint64_t *degenerate);
+/* The same with the colours of the vertices, where the file has any. */
+wh_code wh_load_coloured(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                         wh_mesh *m);
 
 #endif

@@ -107,7 +107,9 @@ uint64_t wh_run_vertices(const wh_run *r)
 
 wh_ply_style wh_run_style(const wh_run *r)
 {
-	return (wh_ply_style){.ascii = r->params->ascii, .is_double = r->input.source.is_double};
+	return (wh_ply_style){.ascii = r->params->ascii,
+	                      .is_double = r->input.source.is_double,
+	                      .attributes = r->input.source.attributes};
 }
 
 wh_simplify_params wh_run_engine(const wh_run *r)
@@ -117,7 +119,8 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .fast = r->params->fast,
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
-	                            .step = r->ingest.step};
+	                            .step = r->ingest.step,
+	                            .attributes = r->input.source.attributes};
 }
 
 void wh_run_note_unreferenced(wh_run *r, uint64_t n)

@@ -64,7 +64,7 @@ family() {
 	local name=${1##*/}
 	name=${name%%.*}
 	case $name in
-	queue | star | fan | trial) echo simplify ;;
+	queue | star | fan | trial | blend) echo simplify ;;
 	*) echo "${name%%_*}" ;;
 	esac
 }
