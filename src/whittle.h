@@ -36,6 +36,10 @@ typedef struct wh_reduce_params {
 	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
 	 * commas between them, where colour, normal and texture stand for all of that kind. */
 	const char *attributes;
+	/* Attributes in the cost of collapses: NULL, or NAME=W with commas between them, with such
+	 * names. A value that is off by 1 (a colour: as from black to white; a label: at all) costs
+	 * as much as a surface that is off by W per cent of the bounding box's diagonal. */
+	const char *weights;
 
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
 	int threads;          /* 0: all that the process may use */

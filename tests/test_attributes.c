@@ -678,6 +678,100 @@ static void colours_are_as_good_along_the_cuts(void **state)
 	}
 }
 
+/* ---- weights ------------------------------------------------------------------------------- */
+
+static double colour_rms(fixture *f)
+{
+	double rms;
+	(void)band_over_rest(f, (wh_vec3[]){{0, 0, 0}}, 1, &rms);
+	return rms;
+}
+
+static void weights_keep_colours(void **state)
+{
+	(void)state;
+	for (int streamed = 0; streamed <= 1; streamed++) {
+		fixture f;
+		char sum[33];
+		open_fixture(&f);
+		write_coloured(&f, 40000);
+		f.params.faces = streamed ? 8000 : 2000;
+		reduces(&f);
+		memcpy(sum, f.report.checksum, sizeof sum);
+		const double without = colour_rms(&f);
+		f.params.weights = "colour=0";
+		reduces(&f);
+		assert_string_equal(sum, f.report.checksum);
+		f.params.weights = "colour=1";
+		reduces(&f);
+		assert_int_equal(f.report.output_faces, f.params.faces);
+		memcpy(sum, f.report.checksum, sizeof sum);
+		const double with = colour_rms(&f);
+		print_message("RMS of colours %.3f, with a weight %.3f\n", without, with);
+		assert_true(with < 0.8 * without);
+		f.params.threads = 1;
+		reduces(&f);
+		assert_string_equal(sum, f.report.checksum);
+		drop(&f);
+	}
+}
+
+/* How far vertices lie on the wrong side of the lines between labels, added up. */
+static double mislabelled(fixture *f)
+{
+	content o;
+	double sum = 0;
+	read_content(f, f->out, &o);
+	for (uint64_t v = 0; v < o.nv; v++) {
+		const double x = o.xyz[3 * v] - 0.5, y = o.xyz[3 * v + 1] - 0.5;
+		const double want = labels[(x > 0) + 2 * (y > 0)];
+		sum += get(&o, "label", v) != want ? fmin(fabs(x), fabs(y)) : 0;
+	}
+	free_content(f, &o);
+	return sum;
+}
+
+static void weights_keep_labels_and_bear_holes(void **state)
+{
+	(void)state;
+	fixture f;
+	open_square(&f);
+	write_square(&f, WH_PLY_LE, scan, SCAN, scanned);
+	f.params.faces = 200;
+	reduces(&f);
+	const double without = mislabelled(&f);
+	f.params.weights = "label=5";
+	reduces(&f);
+	assert_true(mislabelled(&f) < 0.5 * without);
+	write_square(&f, WH_PLY_LE, scan, SCAN, holes);
+	f.params.weights = "quality=1,normal=1,label=1,red=1";
+	reduces(&f);
+	assert_int_equal(f.report.output_faces, 200);
+	drop(&f);
+}
+
+static void senseless_weights_are_refused(void **state)
+{
+	(void)state;
+	static const char *const bad[] = {"colour",    "colour=",   "colour=-1", "colour=x",
+	                                  "colour=1e", "nothing=1", "=1",        "red=1,colour=nan",
+	                                  "red=0.5,,", "x=1"};
+	fixture f;
+	open_square(&f);
+	write_square(&f, WH_PLY_LE, scan, SCAN, scanned);
+	for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+		f.params.weights = bad[i];
+		if (reduce(&f) != WH_E_USAGE)
+			fail_msg("%s", bad[i]);
+		nothing_is_left(&f);
+	}
+	f.params.weights = "red=1";
+	f.params.attributes = "normal";
+	assert_int_equal(reduce(&f), WH_E_USAGE);
+	assert_non_null(strstr(f.t.ctx.err.text, "carried"));
+	drop(&f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -694,6 +788,9 @@ int main(void)
 	    cmocka_unit_test(a_hundred_properties_are_not_too_many),
 	    cmocka_unit_test(refused_memory_leaks_nothing),
 	    cmocka_unit_test(colours_are_as_good_along_the_cuts),
+	    cmocka_unit_test(weights_keep_colours),
+	    cmocka_unit_test(weights_keep_labels_and_bear_holes),
+	    cmocka_unit_test(senseless_weights_are_refused),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

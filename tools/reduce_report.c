@@ -62,6 +62,7 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_flag(o, "fast", p->fast);
 	put_flag(o, "lock_boundary", p->lock_boundary);
 	put_text(o, "attributes", p->attributes ? p->attributes : "all");
+	put_text(o, "weights", p->weights ? p->weights : "");
 	put_count(o, "memory_bytes", r->memory_ceiling);
 	put_count(o, "cluster_faces", p->cluster_faces);
 	put_count(o, "micro_faces", p->micro_faces);

@@ -24,6 +24,7 @@
  * Cost: two vertices evaluated for each collapse; 120 bytes a face at the start.
  */
 #include "algo/simplify_engine.h"
+#include "io/attributes.h"
 
 #include <float.h>
 #include <math.h>
@@ -45,6 +46,7 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w->first);
 	wh_free(c, w->corner);
 	wh_free(c, w->spill);
+	wh_free(c, w->opinions);
 	wh_free(c, w);
 }
 
@@ -116,6 +118,19 @@ static uint32_t cheapest(const wh_fan *f)
 		if (f->cost.at[i] < f->cost.at[best])
 			best = i;
 	return best;
+}
+
+/* The same with what attributes add, which is looked at only where the edge would be the cheapest
+ * without it. */
+static uint32_t cheapest_weighted(const wh_engine *e, uint32_t v, wh_fan *f)
+{
+	for (;;) {
+		const uint32_t i = cheapest(f);
+		if (f->whole[i] || !(f->cost.at[i] < INFINITY))
+			return i;
+		f->cost.at[i] += wh_blend_cost(e, v, f, i);
+		f->whole[i] = true;
+	}
 }
 
 /* Puts v into the queue at this cost of its cheapest edge. */
@@ -214,8 +229,10 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	bool spared = false;
 	wh_fan_gather(e, v, f);
 	wh_fan_evaluate(f, &e->w->star[v].sum, e->manner);
+	if (e->weighted)
+		memset(f->whole, 0, f->n * sizeof *f->whole);
 	for (;;) {
-		const uint32_t i = cheapest(f);
+		const uint32_t i = e->weighted ? cheapest_weighted(e, v, f) : cheapest(f);
 		const double cost = f->cost.at[i];
 		*out = spared ? SPARED : REJECTED;
 		if (!(cost <= e->params->max_cost && cost < INFINITY))
@@ -342,6 +359,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .params = params,
 	               .manner = params->fast ? &fast : &usual,
 	               .result = result,
+	               .weighted = params->attributes && params->attributes->weighted,
 	               .faces = p->nf,
 	               .vertices = p->nv};
 	if (reached(&e))
@@ -350,6 +368,8 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 		result->exhausted = true;
 		return WH_OK;
 	}
+	if (e.weighted && wh_blend_begin(&e) != WH_OK)
+		return c->err.code;
 	/* An edge turned down once may be legal later: start over while that helps. */
 	uint64_t before;
 	do {

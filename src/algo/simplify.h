@@ -39,6 +39,8 @@ typedef struct wh_simplify_params {
 	const wh_collapse_sink
 	    *sink; /* gets every collapse, where `insist` is not set; NULL: nobody */
 	const struct wh_attributes *attributes; /* what the patch's records hold; NULL: nothing */
+	double attribute_unit; /* an attribute that is off by 1 with a weight of 1 costs as much as
+	                          a surface that is off by this distance */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

@@ -71,6 +71,7 @@ typedef struct wh_fan {
 	/* results: new place, cost, weight of the faces */
 	wh_rows3 place;
 	wh_row cost, weight;
+	bool whole[WH_ROW]; /* the cost has what attributes add, where they have weights */
 } wh_fan;
 
 /* The collapse of an edge of a fan, worked out: the neighbours of the new vertex, counter-clockwise
@@ -120,6 +121,7 @@ struct wh_simplify_work {
 	uint32_t tick;
 	wh_fan fan;
 	wh_trial trial;
+	struct opinions *opinions; /* of blend.c; NULL until attributes have weights */
 };
 
 /* How a run weighs time, error and the shape of faces against each other; see simplify.c. */
@@ -144,6 +146,7 @@ typedef struct wh_engine {
 	const wh_simplify_params *params;
 	const wh_manner *manner;
 	wh_simplify_result *result;
+	bool weighted;            /* attributes have weights */
 	uint32_t faces, vertices; /* alive */
 	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
 } wh_engine;
@@ -251,5 +254,10 @@ wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
 /* Gives the vertex that stays the attributes that the surface has in its new place. To be called
  * for a collapse between free vertices before it is made so; a locked vertex keeps its own. */
 void wh_blend(const wh_engine *e, const wh_trial *t);
+
+/* What the collapse of the fan's edge i costs besides what fan.c says of it: how far attributes
+ * with weights would be off. Never negative. */
+wh_code wh_blend_begin(wh_engine *e); /* makes room for it */
+double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i);
 
 #endif

@@ -262,6 +262,62 @@ void wh_attributes_free(wh_ctx *c, wh_attributes *a)
 	*a = (wh_attributes){0};
 }
 
+/* The weight of a value whose kind as a whole weighs w: white differs from black in three colours,
+ * and in all of what their type holds. */
+static double weight_of(const wh_attribute *a, double w)
+{
+	return a->kind == WH_KIND_COLOUR ? w / sqrt(3) / wh_type_white(a->type) : w;
+}
+
+/* One NAME=W of n bytes. */
+static wh_code weigh_one(wh_ctx *c, const char *path, const char *text, size_t n, wh_attributes *a)
+{
+	char word[32] = {0}; /* wh_scan_real wants a blank behind it */
+	const char *equals = memchr(text, '=', n);
+	const size_t name = equals ? (size_t)(equals - text) : n;
+	const size_t digits = equals ? n - name - 1 : 0;
+	double w = -1;
+	if (digits > 0 && digits < sizeof word - 1) {
+		memcpy(word, equals + 1, digits);
+		word[digits] = ' ';
+		if (wh_scan_real(word, &w) != word + digits)
+			w = -1;
+	}
+	if (!(w >= 0) || !isfinite(w))
+		return wh_fail(c, WH_E_USAGE,
+		               "weight '%.*s': give a property and a number from 0 on, such as "
+		               "colour=0.5",
+		               n > 100 ? 100 : (int)n, text);
+	bool found = false;
+	for (uint32_t i = 0; i < a->n; i++) {
+		wh_attribute *item = &a->item[i];
+		if (!same(item->name, text, name) &&
+		    !(is_kind(text, name) && same(wh_kind_name(item->kind), text, name)))
+			continue;
+		found = true;
+		item->weight = weight_of(item, w);
+	}
+	if (!found)
+		return wh_fail(
+		    c, WH_E_USAGE,
+		    "weight '%.*s': '%s' has no such vertex property, or it is not carried",
+		    n > 100 ? 100 : (int)n, text, path);
+	return WH_OK;
+}
+
+wh_code wh_attributes_weigh(wh_ctx *c, const char *path, const char *weights, wh_attributes *a)
+{
+	while (weights && *weights) {
+		size_t n;
+		const char *one = next_name(&weights, &n);
+		if (weigh_one(c, path, one, n, a) != WH_OK)
+			return c->err.code;
+	}
+	for (uint32_t i = 0; i < a->n; i++)
+		a->weighted = a->weighted || a->item[i].weight > 0;
+	return WH_OK;
+}
+
 const wh_attribute *wh_attributes_find(const wh_attributes *a, int prop)
 {
 	uint32_t lo = 0, hi = a ? a->n : 0;

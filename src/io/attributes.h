@@ -51,6 +51,7 @@ typedef struct wh_attribute {
 	int prop;         /* its place among the properties of the element */
 	uint32_t at;      /* where it is in a record */
 	uint32_t file_at; /* where it is in a binary vertex without lists */
+	double weight;    /* in the cost of collapses, of a difference of 1; 0: none */
 } wh_attribute;
 
 enum { WH_MOST_ATTRIBUTES = 1024 };
@@ -62,6 +63,7 @@ typedef struct wh_attributes {
 	uint32_t file_bytes; /* of the values in a binary output */
 	uint32_t before[3];  /* attributes that come before x, y and z in the file, ... */
 	int rank[3];         /* ... and which of x, y and z comes first: they ascend in its order */
+	bool weighted;       /* one of them has a weight */
 	bool has_normal, has_rgb;
 	uint32_t normal[3]; /* places of nx, ny and nz when has_normal: all three are carried */
 	uint32_t rgb[3];    /* the same of red, green and blue */
@@ -75,6 +77,14 @@ typedef struct wh_attributes {
  */
 wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_attributes *a);
 void wh_attributes_free(wh_ctx *c, wh_attributes *a);
+
+/*
+ * Sets weights: NULL, or NAME=W with commas between them, where colour, normal and texture stand
+ * for all of that kind; the last one that fits holds. W is for a difference of 1 in a value; of
+ * colours, for one as from black to white; of labels, for any. WH_E_USAGE, naming `path`, for a
+ * name that is not carried, or a W that is no number from 0 on.
+ */
+wh_code wh_attributes_weigh(wh_ctx *c, const char *path, const char *weights, wh_attributes *a);
 
 /* What vertex property number `prop` is carried as; NULL when it is not. `a` may be NULL. */
 const wh_attribute *wh_attributes_find(const wh_attributes *a, int prop);

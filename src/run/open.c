@@ -44,6 +44,9 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 	                       r->params->attributes, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
+	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
+	    WH_OK)
+		return r->c->err.code;
 	wh_reduce_report *t = r->report;
 	t->input_bytes = r->input.ply.size;
 	t->input_vertices = r->input.source.nv;

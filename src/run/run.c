@@ -120,7 +120,8 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
 	                            .step = r->ingest.step,
-	                            .attributes = r->input.source.attributes};
+	                            .attributes = r->input.source.attributes,
+	                            .attribute_unit = r->report->diagonal * r->ingest.scale / 100};
 }
 
 void wh_run_note_unreferenced(wh_run *r, uint64_t n)
