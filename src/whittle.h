@@ -38,6 +38,14 @@ typedef struct wh_reduce_params {
 	bool fast;              /* less time for a little more error */
 	bool lock_boundary;     /* boundary edges stay exactly as they are */
 
+	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
+	 * commas between them, where colour, normal and texture stand for all of that kind. */
+	const char *attributes;
+	/* Attributes in the cost of collapses: NULL, or NAME=W with commas between them, with such
+	 * names. A value that is off by 1 (a colour: as from black to white; a label: at all) costs
+	 * as much as a surface that is off by W per cent of the bounding box's diagonal. */
+	const char *weights;
+
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
 	int threads;          /* 0: all that the process may use */
 	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
@@ -90,9 +98,12 @@ typedef struct wh_reduce_report {
 	uint64_t polygons;              /* input faces with more than three corners */
 	uint64_t degenerate_faces;      /* dropped: a vertex repeated */
 	uint64_t unreferenced_vertices; /* dropped: in no face */
-	char dropped[512];              /* what the file holds besides positions and faces, by name,
-	                                   comma-separated */
-	double diagonal;                /* of the input's bounding box */
+	char carried[512]; /* vertex properties besides x, y and z that the output has, by name,
+	                      each kind behind its last: "red, green, blue (colour), nx, ny, nz
+	                      (normal)" */
+	char dropped[512]; /* what else the file holds and the output does not, by name,
+	                      comma-separated */
+	double diagonal;   /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
 	bool checked; /* the counts of the next line are known: a streamed result with very many

@@ -370,7 +370,7 @@ static void refused_memory_leaks_nothing(void **state)
 	(void)state;
 	static uint32_t tri[][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}};
 	wh_vec3 pos[4] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-	const wh_mesh m = {4, 3, pos, tri[0]};
+	const wh_mesh m = {4, 3, pos, tri[0], NULL};
 	for (long fail = 1;; fail++) {
 		testing_env t;
 		testing_init(&t);

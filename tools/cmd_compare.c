@@ -34,7 +34,9 @@ static void print_help(void)
 	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
 	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
 	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'. Normals:\n"
-	    "the angle between a point's face and the nearest face of the other mesh.\n\n"
+	    "the angle between a point's face and the nearest face of the other mesh. Colours,\n"
+	    "where both meshes have them: how far red, green and blue of a point and of the\n"
+	    "nearest one are apart (root mean square of the three, 0 to 255).\n\n"
 	    "  --json       print JSON instead of a table\n"
 	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
 	    "  --seed N     other points (default 0)\n"
@@ -128,7 +130,7 @@ static wh_code load(cmd_env *e, const char *path, wh_format from, wh_mesh *m)
 	wh_spill spill;
 	if (wh_spill_open(&e->ctx, &spill, NULL, "/tmp") != WH_OK)
 		return e->ctx.err.code;
-	const wh_code code = wh_load_mesh(&e->ctx, &e->exec, &spill, path, from, m, NULL, NULL);
+	const wh_code code = wh_load_coloured(&e->ctx, &e->exec, &spill, path, from, m);
 	wh_spill_close(&e->ctx, &spill);
 	return code;
 }
@@ -222,6 +224,17 @@ static void print_normals(const wh_compare *r)
 	print_row("  RMS", rms, "%14.4f");
 }
 
+static void print_colours(const wh_compare *r)
+{
+	const double mean[] = {r->a_to_b.colour_mean, r->b_to_a.colour_mean, r->both.colour_mean};
+	const double rms[] = {r->a_to_b.colour_rms, r->b_to_a.colour_rms, r->both.colour_rms};
+	if (r->both.colours == 0)
+		return;
+	(void)printf("difference of colours, of 255\n");
+	print_row("  mean", mean, "%14.4f");
+	print_row("  RMS", rms, "%14.4f");
+}
+
 static void print_table(const wh_compare *r)
 {
 	const double percent = millionths(1, r->diagonal) / 1e4;
@@ -230,6 +243,7 @@ static void print_table(const wh_compare *r)
 	print_block(r, "% of the diagonal", percent, "%14.6f");
 	print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
 	print_normals(r);
+	print_colours(r);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "samples", r->a_to_b.samples,
 	             r->b_to_a.samples, r->both.samples);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
@@ -258,12 +272,23 @@ static json_t *json_normals(const wh_distance *d)
 	return j;
 }
 
+static json_t *json_colours(const wh_distance *d)
+{
+	json_t *j = json_object();
+	(void)json_object_set_new(j, "mean", json_real(d->colour_mean));
+	(void)json_object_set_new(j, "rms", json_real(d->colour_rms));
+	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->colours));
+	return j;
+}
+
 static json_t *json_side(const wh_distance *d, double diagonal)
 {
 	json_t *j = json_figures(d, 1);
 	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->samples));
 	(void)json_object_set_new(j, "vertices", json_integer((json_int_t)d->vertices));
 	(void)json_object_set_new(j, "normal", json_normals(d));
+	if (d->colours > 0)
+		(void)json_object_set_new(j, "colour", json_colours(d));
 	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
 	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
 	return j;
@@ -290,6 +315,8 @@ static wh_code print_json(wh_ctx *c, const options *o, const results *all)
 	bad |= json_object_set_new(j, "rms", json_real(r->rms));
 	bad |= json_object_set_new(j, "rms_millionths", json_real(millionths(r->rms, r->diagonal)));
 	bad |= json_object_set_new(j, "normal_rms", json_real(r->normal_rms));
+	if (r->both.colours > 0)
+		bad |= json_object_set_new(j, "colour_rms", json_real(r->colour_rms));
 	bad |= json_object_set_new(j, "a_to_b", json_side(&r->a_to_b, r->diagonal));
 	bad |= json_object_set_new(j, "b_to_a", json_side(&r->b_to_a, r->diagonal));
 	bad |= json_object_set_new(j, "both", json_side(&r->both, r->diagonal));

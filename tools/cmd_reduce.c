@@ -14,7 +14,8 @@ static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
     "Reduces a mesh within a memory ceiling; the first limit reached stops. IN: PLY,\n"
     "OBJ, OFF or STL, as its content says.\n"
-    "Positions and faces are kept; other properties are named in the summary.\n\n"
+    "Vertex properties (colours, normals, ...) are carried from PLY to PLY; whatever is\n"
+    "not is named in the summary.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
     "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst\n"
     "      --to F            ply, obj, off, stl, glb, ply.gz, ... whatever OUT's name is\n"
@@ -28,6 +29,11 @@ static const char help[] =
     "      --lock-boundary   keep boundary edges exactly\n"
     "      --topology WAY    keep (default) components, handles and boundary loops, or\n"
     "                        simplify: the small ones go, to reach the count\n"
+    "      --attributes LIST vertex properties to carry: all (default), none, or names,\n"
+    "                        as red,green,blue or colour,normal,quality\n"
+    "      --weight-of NAME=W  let a property (colour, normal, quality ...) count in the\n"
+    "                        order of collapses: off by 1, or a colour by black to\n"
+    "                        white, is as bad as the surface off by W % of the diagonal\n"
     "      --memory SIZE     ceiling of the process: 512M, 4G, K = 1024 (default:\n"
     "                        half of the machine's, its control group's or the job's)\n"
     "      --threads N       0 (default): all this process may use\n"
@@ -127,8 +133,10 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		(void)fprintf(
 		    f, "%llu faces instead of %llu: a closed surface has an even number\n",
 		    (unsigned long long)r->output_faces, (unsigned long long)r->target_faces);
+	if (r->carried[0])
+		(void)fprintf(f, "carried over: %s\n", r->carried);
 	if (r->dropped[0])
-		(void)fprintf(f, "not carried over (positions and faces only): %s\n", r->dropped);
+		(void)fprintf(f, "not carried over: %s\n", r->dropped);
 	if (r->degenerate_faces)
 		(void)fprintf(f, "dropped %llu degenerate %s\n",
 		              (unsigned long long)r->degenerate_faces,

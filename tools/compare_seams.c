@@ -26,6 +26,9 @@ static void print_zones(const wh_compare *r, const char *title)
 	(void)printf("%-26s%14.6g%14.6g\n", "  RMS", r->band.rms, r->interior.rms);
 	print_ratio("  ratio of RMS", wh_compare_rms_ratio(r));
 	print_ratio("  ratio of faces / area", wh_compare_density_ratio(r));
+	if (r->band.colours > 0)
+		(void)printf("%-26s%14.4f%14.4f\n", "  RMS of colours", r->band.colour_rms,
+		             r->interior.colour_rms);
 }
 
 void compare_seams_print(const wh_compare *r, const wh_compare *reference)
@@ -54,6 +57,8 @@ static json_t *json_zone(const wh_compare_zone *z)
 	(void)json_object_set_new(j, "density", json_real(density(z)));
 	(void)json_object_set_new(j, "samples", json_integer((json_int_t)z->samples));
 	(void)json_object_set_new(j, "rms", json_real(z->rms));
+	if (z->colours > 0)
+		(void)json_object_set_new(j, "colour_rms", json_real(z->colour_rms));
 	return j;
 }
 

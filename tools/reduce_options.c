@@ -3,6 +3,7 @@
 #include "cmd.h"
 
 #include <getopt.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,8 @@ enum {
 	OPT_FAST,
 	OPT_LOCK,
 	OPT_TOPOLOGY,
+	OPT_ATTRIBUTES,
+	OPT_WEIGHT,
 	OPT_MEMORY,
 	OPT_THREADS,
 	OPT_TEMP,
@@ -37,6 +40,8 @@ static const struct option long_options[] = {
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
     {"topology", required_argument, NULL, OPT_TOPOLOGY},
+    {"attributes", required_argument, NULL, OPT_ATTRIBUTES},
+    {"weight-of", required_argument, NULL, OPT_WEIGHT},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
@@ -108,6 +113,15 @@ static bool parse_topology(const char *text, bool *simplify)
 	return *simplify || strcmp(text, "keep") == 0;
 }
 
+/* Appends to the list of weights. */
+static bool add_weight(reduce_options *o, const char *arg)
+{
+	const size_t used = strlen(o->weights), room = sizeof o->weights - used;
+	const int n = snprintf(o->weights + used, room, "%s%s", used ? "," : "", arg);
+	o->params.weights = o->weights;
+	return strchr(arg, '=') && n > 0 && (size_t)n < room;
+}
+
 /* False when the argument makes no sense. */
 static bool take_option(reduce_options *o, int opt, const char *arg)
 {
@@ -140,6 +154,12 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_TOPOLOGY:
 		ok = parse_topology(arg, &p->simplify_topology);
+		break;
+	case OPT_ATTRIBUTES:
+		p->attributes = arg;
+		break;
+	case OPT_WEIGHT:
+		ok = add_weight(o, arg);
 		break;
 	case OPT_MEMORY:
 		ok = parse_size(arg, true, &n) && n >= 1 << 20;
@@ -226,6 +246,8 @@ static const char *expected(int opt)
 		return "a size of 1M or more, such as 512M or 4G";
 	case OPT_THREADS:
 		return "a number from 0 to 1024";
+	case OPT_WEIGHT:
+		return "a property and a weight, such as colour=0.5";
 	case OPT_CLUSTER:
 		return "0 or a count from 1000 to 100M";
 	case OPT_FROM:

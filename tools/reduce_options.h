@@ -8,6 +8,7 @@
 
 typedef struct reduce_options {
 	wh_reduce_params params;
+	char weights[1024]; /* what params.weights points to */
 	const char *report;
 	bool quiet, verbose, no_progress, help;
 	bool json; /* plan only */

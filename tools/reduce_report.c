@@ -62,6 +62,8 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_flag(o, "fast", p->fast);
 	put_flag(o, "lock_boundary", p->lock_boundary);
 	put_text(o, "topology", p->simplify_topology ? "simplify" : "keep");
+	put_text(o, "attributes", p->attributes ? p->attributes : "all");
+	put_text(o, "weights", p->weights ? p->weights : "");
 	put_count(o, "memory_bytes", r->memory_ceiling);
 	put_count(o, "cluster_faces", p->cluster_faces);
 	put_count(o, "micro_faces", p->micro_faces);
@@ -78,6 +80,7 @@ static void put_input(json_t *root, const wh_reduce_params *p, const wh_reduce_r
 	put_count(o, "polygons", r->polygons);
 	put_count(o, "degenerate_faces", r->degenerate_faces);
 	put_count(o, "unreferenced_vertices", r->unreferenced_vertices);
+	put_text(o, "carried_over", r->carried);
 	put_text(o, "not_carried_over", r->dropped);
 	put_real(o, "diagonal", r->diagonal);
 }

@@ -18,6 +18,7 @@
 
 #include "algo/compare_band.h"
 #include "base/rng.h"
+#include "geom/tri.h"
 #include "mesh/bvh.h"
 
 #include <string.h>
@@ -43,8 +44,12 @@ typedef struct sums {
 	double d, d2, max2;
 	double angle, angle2; /* between normals, radians */
 	uint64_t angles;      /* samples that have one */
-	double zone_d2[2];    /* interior, band */
+	double colour, colour2;
+	uint64_t colours;  /* samples that have one at either end */
+	double zone_d2[2]; /* interior, band */
 	uint64_t zone_samples[2];
+	double zone_colour2[2];
+	uint64_t zone_colours[2];
 } sums;
 
 /* ---- preparing
@@ -203,10 +208,42 @@ static void measure_normals(const wh_mesh *a, uint32_t f, const wh_mesh *b, uint
 	sum->angles++;
 }
 
-static void add_to_zone(sums *sum, uint8_t zone, double d2)
+/* The colour that a face has in the point nearest to p. */
+static void colour_at(const wh_mesh *m, uint32_t f, wh_vec3 p, double rgb[3])
+{
+	const uint32_t *t = m->tri + 3 * (size_t)f;
+	double w[3];
+	wh_tri_nearest(p, m->pos[t[0]], m->pos[t[1]], m->pos[t[2]], w);
+	for (size_t k = 0; k < 3; k++)
+		rgb[k] = w[0] * (double)m->colour[3 * (size_t)t[0] + k] +
+		         w[1] * (double)m->colour[3 * (size_t)t[1] + k] +
+		         w[2] * (double)m->colour[3 * (size_t)t[2] + k];
+}
+
+/* The squared difference of colour between two faces in their points nearest to p. False when
+ * there is none. */
+static bool compare_colours(const wh_mesh *a, uint32_t f, const wh_mesh *b, uint32_t g, wh_vec3 p,
+                            double *d2)
+{
+	double x[3], y[3];
+	if (!a->colour || !b->colour)
+		return false;
+	colour_at(a, f, p, x);
+	colour_at(b, g, p, y);
+	*d2 = 0;
+	for (int k = 0; k < 3; k++)
+		*d2 += (x[k] - y[k]) * (x[k] - y[k]) / 3;
+	return isfinite(*d2);
+}
+
+static void add_to_zone(sums *sum, uint8_t zone, double d2, bool coloured, double colour2)
 {
 	sum->zone_d2[zone] += d2;
 	sum->zone_samples[zone]++;
+	if (coloured) {
+		sum->zone_colour2[zone] += colour2;
+		sum->zone_colours[zone]++;
+	}
 }
 
 static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *sum, uint64_t *bins)
@@ -223,10 +260,18 @@ static void measure_samples(const side *s, uint64_t first, uint64_t end, sums *s
 		sum->max2 = fmax(sum->max2, d2);
 		bins[bin_of(d)]++;
 		measure_normals(&s->from->tree.mesh, face, &s->to->tree.mesh, hint, sum);
+		double colour2 = 0;
+		const bool coloured = compare_colours(&s->from->tree.mesh, face, &s->to->tree.mesh,
+		                                      hint, p, &colour2);
+		if (coloured) {
+			sum->colour += sqrt(colour2);
+			sum->colour2 += colour2;
+			sum->colours++;
+		}
 		if (s->from->band)
-			add_to_zone(sum, s->from->band[face], d2);
+			add_to_zone(sum, s->from->band[face], d2, coloured, colour2);
 		if (s->to->band)
-			add_to_zone(sum, s->to->band[hint], d2);
+			add_to_zone(sum, s->to->band[hint], d2, coloured, colour2);
 	}
 }
 
@@ -275,9 +320,14 @@ static void add_sums(sums *total, const sums *part)
 	total->angle += part->angle;
 	total->angle2 += part->angle2;
 	total->angles += part->angles;
+	total->colour += part->colour;
+	total->colour2 += part->colour2;
+	total->colours += part->colours;
 	for (int zone = 0; zone < 2; zone++) {
 		total->zone_d2[zone] += part->zone_d2[zone];
 		total->zone_samples[zone] += part->zone_samples[zone];
+		total->zone_colour2[zone] += part->zone_colour2[zone];
+		total->zone_colours[zone] += part->zone_colours[zone];
 	}
 }
 
@@ -345,6 +395,11 @@ static wh_distance describe(const sums *s, const uint64_t *bins, uint64_t sample
 		d.normal_mean = s->angle / (double)s->angles * DEGREES;
 		d.normal_rms = sqrt(s->angle2 / (double)s->angles) * DEGREES;
 	}
+	d.colours = s->colours;
+	if (s->colours > 0) {
+		d.colour_mean = s->colour / (double)s->colours;
+		d.colour_rms = sqrt(s->colour2 / (double)s->colours);
+	}
 	return d;
 }
 
@@ -370,6 +425,10 @@ static void describe_zones(const surface *b, const sums total[2], double unit, w
 		zone[z]->samples = total[0].zone_samples[z] + total[1].zone_samples[z];
 		if (zone[z]->samples > 0)
 			zone[z]->rms = sqrt(d2 / (double)zone[z]->samples) * unit;
+		const double c2 = total[0].zone_colour2[z] + total[1].zone_colour2[z];
+		zone[z]->colours = total[0].zone_colours[z] + total[1].zone_colours[z];
+		if (zone[z]->colours > 0)
+			zone[z]->colour_rms = sqrt(c2 / (double)zone[z]->colours);
 	}
 }
 
@@ -415,6 +474,7 @@ static wh_code measure_both(wh_ctx *c, const wh_exec *ex, const surface s[2], ui
 	r->both = describe_both(total, bins, out[0], out[1], unit);
 	r->rms = fmax(r->a_to_b.rms, r->b_to_a.rms);
 	r->normal_rms = fmax(r->a_to_b.normal_rms, r->b_to_a.normal_rms);
+	r->colour_rms = fmax(r->a_to_b.colour_rms, r->b_to_a.colour_rms);
 	describe_zones(s + 1, total, unit, r);
 out:
 	wh_free(c, bins);

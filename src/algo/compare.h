@@ -11,6 +11,10 @@
  * the face nearest to it. On an edge or a corner one of the faces there is nearest: which one
  * depends on the meshes and the samples alone. Opposite orientations differ by 180 degrees.
  *
+ * Where both meshes have colours, the difference of colour of a sample is that between its own
+ * colour, interpolated in its face, and that of the nearest point of the other mesh: the root of
+ * the mean square of the differences in red, green and blue.
+ *
  * Do the cuts between clusters show in b, a reduced a? Given points along the cuts, the faces of b
  * near them form a band, and the rest of it the interior; a sample of b belongs to the zone of the
  * face it is on, a sample of a to that of the face nearest to it. Error and faces an area differ
@@ -43,6 +47,9 @@ typedef struct wh_distance {
 	uint64_t normals;     /* samples with a normal at either end: no degenerate face there */
 	double normal_mean;   /* of their normal deviation, degrees */
 	double normal_rms;
+	uint64_t colours;   /* samples with a colour at either end */
+	double colour_mean; /* of their differences of colour, from 0 to 255 */
+	double colour_rms;
 } wh_distance;
 
 enum { WH_BAND_RINGS = 3 }; /* the band is this many faces wide on either side of the cuts */
@@ -53,6 +60,8 @@ typedef struct wh_compare_zone {
 	double area;
 	uint64_t samples; /* of both sides */
 	double rms;       /* of their distances; 0 if there are none */
+	uint64_t colours; /* samples that have a difference of colour */
+	double colour_rms;
 } wh_compare_zone;
 
 typedef struct wh_compare {
@@ -63,6 +72,7 @@ typedef struct wh_compare {
 	double rms;        /* the larger of the two sides' RMS: what "two-sided RMS" means in
 	                    * comparisons of simplifiers, ours included */
 	double normal_rms; /* the larger of the two sides' */
+	double colour_rms; /* the larger of the two sides', where both meshes have colours */
 	wh_compare_zone band, interior; /* all 0 when no band is asked for */
 } wh_compare;
 

@@ -26,6 +26,7 @@
  * Cost: two vertices evaluated for each collapse; 120 bytes a face at the start.
  */
 #include "algo/simplify_engine.h"
+#include "io/attributes.h"
 
 #include <float.h>
 #include <math.h>
@@ -47,6 +48,7 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w->first);
 	wh_free(c, w->corner);
 	wh_free(c, w->spill);
+	wh_free(c, w->opinions);
 	wh_free(c, w);
 }
 
@@ -120,6 +122,19 @@ static uint32_t cheapest(const wh_fan *f)
 	return best;
 }
 
+/* The same with what attributes add, which is looked at only where the edge would be the cheapest
+ * without it. */
+static uint32_t cheapest_weighted(const wh_engine *e, uint32_t v, wh_fan *f)
+{
+	for (;;) {
+		const uint32_t i = cheapest(f);
+		if (f->whole[i] || !(f->cost.at[i] < INFINITY))
+			return i;
+		f->cost.at[i] += wh_blend_cost(e, v, f, i);
+		f->whole[i] = true;
+	}
+}
+
 /* Puts v into the queue at this cost of its cheapest edge. */
 static void enqueue_at(wh_engine *e, uint32_t v, double cost)
 {
@@ -191,7 +206,9 @@ static wh_code tell(const wh_engine *e, const wh_trial *t, double err)
 	                       .weight = t->weight,
 	                       .err = (float)err,
 	                       .faces = t->nshared};
-	return sink ? sink->put(e->c, sink->to, &r) : WH_OK;
+	if (!sink)
+		return WH_OK;
+	return sink->put(e->c, sink->to, &r, e->p->attr_bytes ? wh_patch_attr(e->p, t->v) : NULL);
 }
 
 /* Keeps a vertex that is gone at hand. */
@@ -203,6 +220,8 @@ static void bury(wh_engine *e, uint32_t v)
 
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
+	if (e->params->attributes && !t->into_locked)
+		wh_blend(e, t);
 	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;
@@ -254,6 +273,8 @@ static void enqueue_anew(wh_engine *e, uint32_t v)
 
 static wh_code operate(wh_engine *e, wh_surgery *s, double cost, double weight, double err)
 {
+	if (e->params->attributes)
+		wh_blend_ends(e, &e->w->trial);
 	if (wh_surgery_perform(e, s, err) != WH_OK)
 		return e->c->err.code;
 	note_change(e, s->kind, cost, weight, err, s->nshared,
@@ -346,8 +367,10 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	bool spared = false;
 	wh_fan_gather(e, v, f);
 	wh_fan_evaluate(f, &e->w->star[v].sum, e->manner);
+	if (e->weighted)
+		memset(f->whole, 0, f->n * sizeof *f->whole);
 	for (;;) {
-		const uint32_t i = cheapest(f);
+		const uint32_t i = e->weighted ? cheapest_weighted(e, v, f) : cheapest(f);
 		const double cost = f->cost.at[i];
 		*out = spared ? SPARED : REJECTED;
 		if (e->surgery && !(cost < INFINITY))
@@ -486,6 +509,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .manner = params->fast ? &fast : &usual,
 	               .result = result,
 	               .surgery = params->free_topology && !params->sink,
+	               .weighted = params->attributes && params->attributes->weighted,
 	               .faces = p->nf,
 	               .vertices = p->nv};
 	if (reached(&e))
@@ -494,6 +518,8 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 		result->exhausted = true;
 		return WH_OK;
 	}
+	if (e.weighted && wh_blend_begin(&e) != WH_OK)
+		return c->err.code;
 	/* An edge turned down once may be legal later: start over while that helps. */
 	for (;;) {
 		const uint32_t before = e.faces;

@@ -9,6 +9,8 @@
 
 #include "mesh/collapse.h"
 
+struct wh_attributes;
+
 /* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. */
 enum { WH_LOG_MANTISSA = 4, WH_LOG_BINS = 2048 << WH_LOG_MANTISSA };
 
@@ -48,6 +50,9 @@ typedef struct wh_simplify_params {
 	                      collapses below a bin are the first ones of the run */
 	const wh_collapse_sink
 	    *sink; /* gets every collapse, where `insist` is not set; NULL: nobody */
+	const struct wh_attributes *attributes; /* what the patch's records hold; NULL: nothing */
+	double attribute_unit; /* an attribute that is off by 1 with a weight of 1 costs as much as
+	                          a surface that is off by this distance */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {

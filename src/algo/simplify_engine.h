@@ -6,6 +6,7 @@
  *     fan.c            a star taken out to work on; place and cost of the collapses of its edges
  *     trial.c          one collapse worked out: link condition, turning faces, distance
  *     surgery.c        collapses that the link condition forbids, with a change of topology
+ *     blend.c          the attributes of the vertex that a collapse makes
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
@@ -71,6 +72,7 @@ typedef struct wh_fan {
 	/* results: new place, cost, weight of the faces */
 	wh_rows3 place;
 	wh_row cost, weight;
+	bool whole[WH_ROW]; /* the cost has what attributes add, where they have weights */
 } wh_fan;
 
 /* The collapse of an edge of a fan, worked out: the neighbours of the new vertex, counter-clockwise
@@ -158,6 +160,7 @@ struct wh_simplify_work {
 	wh_fan fan;
 	wh_trial trial;
 	wh_surgery surgery;
+	struct opinions *opinions; /* of blend.c; NULL until attributes have weights */
 };
 
 /* How a run weighs time, error and the shape of faces against each other; see simplify.c. */
@@ -182,6 +185,7 @@ typedef struct wh_engine {
 	const wh_simplify_params *params;
 	const wh_manner *manner;
 	wh_simplify_result *result;
+	bool weighted;            /* attributes have weights */
 	uint32_t faces, vertices; /* alive */
 	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
 	bool surgery;             /* topology may change */
@@ -306,5 +310,17 @@ void wh_surgery_each(const wh_engine *e, const wh_surgery *s, void (*visit)(wh_e
 /* The whole part of the surface that the free vertex v is in. False when it has more than
  * WH_SHELL_MOST vertices, or a locked one. */
 bool wh_shell_find(const wh_engine *e, uint32_t v, wh_shell *s);
+/* ---- blend.c ------------------------------------------------------------------------------ */
+
+/* Gives the vertex that stays the attributes that the surface has in its new place. To be called
+ * for a collapse between free vertices before it is made so; a locked vertex keeps its own. */
+void wh_blend(const wh_engine *e, const wh_trial *t);
+/* The same, made of both ends alone: for collapses that are not worked out whole. */
+void wh_blend_ends(const wh_engine *e, wh_trial *t);
+
+/* What the collapse of the fan's edge i costs besides what fan.c says of it: how far attributes
+ * with weights would be off. Never negative. */
+wh_code wh_blend_begin(wh_engine *e); /* makes room for it */
+double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i);
 
 #endif

@@ -350,6 +350,12 @@ static void name_in_rings(wh_engine *e, const wh_surgery *s, uint32_t k, uint32_
 			wh_ring_replace(e, t->id[i], HOLDER[k], name);
 }
 
+static void copy_attributes(const wh_engine *e, uint32_t from, uint32_t to)
+{
+	if (e->p->attr_bytes)
+		memcpy(wh_patch_attr(e->p, to), wh_patch_attr(e->p, from), e->p->attr_bytes);
+}
+
 /* A vertex that is gone comes back as a second one of w. */
 static uint32_t double_of(wh_engine *e, uint32_t w)
 {
@@ -360,6 +366,7 @@ static uint32_t double_of(wh_engine *e, uint32_t w)
 	star[d].pos = star[w].pos;
 	star[d].flag = star[w].flag;
 	e->p->err[d] = e->p->err[w];
+	copy_attributes(e, w, d);
 	return d;
 }
 
@@ -402,6 +409,8 @@ static wh_code make_vertex(wh_engine *e, const wh_surgery *s, uint32_t k, float 
 		return e->c->err.code;
 	e->w->star[v].pos = s->at;
 	e->p->err[v] = err;
+	if (k)
+		copy_attributes(e, s->v, v);
 	set_closed(e, v, t->closed);
 	return WH_OK;
 }

@@ -41,6 +41,48 @@ static inline double wh_tri_dist2(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c)
 	return fmin(d_ab, fmin(d_bc, d_ca));
 }
 
+/*
+ * The point of the triangle abc that is nearest to p, as weights of the corners: not negative, and
+ * one in sum. Goes by the regions of corners, sides and inside that p may project to (Ericson,
+ * "Real-Time Collision Detection", 2005, 5.1.5). Triangles on a line or in a point may give another
+ * point of theirs than the nearest.
+ */
+static inline void wh_tri_nearest(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c, double w[3])
+{
+	const wh_vec3 ab = wh_sub(b, a), ac = wh_sub(c, a);
+	const wh_vec3 ap = wh_sub(p, a), bp = wh_sub(p, b), cp = wh_sub(p, c);
+	const double ab_a = wh_dot(ab, ap), ab_b = wh_dot(ab, bp), ab_c = wh_dot(ab, cp);
+	const double ac_a = wh_dot(ac, ap), ac_b = wh_dot(ac, bp), ac_c = wh_dot(ac, cp);
+	/* areas of p's projection with each side, times twice that of the triangle */
+	const double bc_area = ab_b * ac_c - ab_c * ac_b;
+	const double ca_area = ab_c * ac_a - ab_a * ac_c;
+	const double ab_area = ab_a * ac_b - ab_b * ac_a;
+	const double sum = bc_area + ca_area + ab_area;
+	w[0] = w[1] = w[2] = 0;
+	if (ab_a <= 0 && ac_a <= 0) {
+		w[0] = 1;
+	} else if (ab_b >= 0 && ac_b <= ab_b) {
+		w[1] = 1;
+	} else if (ac_c >= 0 && ab_c <= ac_c) {
+		w[2] = 1;
+	} else if (ab_area <= 0 && ab_a >= 0 && ab_b <= 0 && ab_a > ab_b) {
+		w[1] = ab_a / (ab_a - ab_b);
+		w[0] = 1 - w[1];
+	} else if (ca_area <= 0 && ac_a >= 0 && ac_c <= 0 && ac_a > ac_c) {
+		w[2] = ac_a / (ac_a - ac_c);
+		w[0] = 1 - w[2];
+	} else if (bc_area <= 0 && ac_b > ab_b && ab_c > ac_c) {
+		w[2] = (ac_b - ab_b) / (ac_b - ab_b + ab_c - ac_c);
+		w[1] = 1 - w[2];
+	} else if (sum > 0) {
+		w[1] = ca_area / sum;
+		w[2] = ab_area / sum;
+		w[0] = 1 - w[1] - w[2];
+	} else {
+		w[0] = 1;
+	}
+}
+
 static inline double wh_largest_coordinate(wh_vec3 a)
 {
 	return fmax(fabs(a.x), fmax(fabs(a.y), fabs(a.z)));

@@ -317,13 +317,14 @@ wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style s
 	}
 }
 
-wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, size_t n)
+wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, const uint8_t *records,
+                         size_t n)
 {
 	enum { BATCH = ROOM / OBJ_RECORD };
 	if (m->style.format == WH_FORMAT_OFF)
 		return wh_ply_write_vertices(c, m->out, text_style(m), xyz, n);
 	if (m->style.format != WH_FORMAT_OBJ && m->style.format != WH_FORMAT_GLB)
-		return wh_ply_write_vertices(c, m->out, m->style, xyz, n);
+		return wh_ply_write_records(c, m->out, m->style, xyz, records, n);
 	for (size_t done = 0; done < n; done += BATCH) {
 		const size_t k = n - done < BATCH ? n - done : BATCH;
 		void *room = wh_outfile_room(c, m->out, ROOM);

@@ -36,8 +36,9 @@ typedef struct wh_mesh_out {
  * many vertices or faces. */
 wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style style, uint64_t nv,
                       uint64_t nf, const wh_mesh_box *box);
-/* n vertices (3n doubles). */
-wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, size_t n);
+/* n vertices (3n doubles), with n records of the style's attributes, if it has any. */
+wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, const uint8_t *records,
+                         size_t n);
 /* n triangles (3n indices). */
 wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, size_t n);
 /* n triangles of the vertices at xyz, whose coordinates are multiplied by `scale`. */

@@ -109,6 +109,8 @@ void wh_ply_find_meaning(wh_ply *p);
  * was read of it may not fit together. */
 wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p);
 
+struct wh_attributes;
+
 /* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
 typedef struct wh_source {
 	const char *path; /* of the user's file, for messages */
@@ -120,7 +122,10 @@ typedef struct wh_source {
 	wh_type vtype[3];
 	bool vswap;
 	bool is_double; /* positions have more than float precision: write doubles */
-	int ffd;        /* triangles: */
+	const struct wh_attributes *attributes; /* carried beside positions; NULL: none */
+	int afd; /* their records; -1: their scalars lie beside the positions */
+	uint64_t abase;
+	int ffd; /* triangles: */
 	uint64_t fbase;
 	uint32_t fstride;
 	int64_t count_off; /*   corner count within a face; -1: none stored, always 3 */
@@ -155,6 +160,11 @@ size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
                            void *scratch);
 
+/* Reads the attributes of the same vertices as records, one behind the other; only where there are
+ * attributes. Failures and threads as above. */
+wh_code wh_source_attributes(wh_ctx *c, const wh_source *s, uint64_t first, size_t n,
+                             uint8_t *records, void *scratch);
+
 /*
  * Reads triangles first .. first+n-1 into ids (3n indices, all < s->nv). WH_E_INPUT for a
  * truncated body or an index out of range (names the face and the index). WH_E_IRREGULAR, with
@@ -165,20 +175,24 @@ wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_
 
 /* How a mesh is written. */
 typedef struct wh_ply_style {
-	bool ascii;       /* text instead of binary little endian */
-	bool is_double;   /* positions as double instead of float */
-	wh_format format; /* of mesh_write; WH_FORMAT_ANY is PLY */
+	bool ascii;                             /* text instead of binary little endian */
+	bool is_double;                         /* positions as double instead of float */
+	wh_format format;                       /* of mesh_write; WH_FORMAT_ANY is PLY */
+	const struct wh_attributes *attributes; /* written beside positions, in PLY; NULL: none */
 } wh_ply_style;
 
 struct wh_outfile;
 
-/* Writes the header: vertices with x, y, z; faces with vertex_indices (list uchar int, or uint
- * from 2^31 vertices on; WH_E_USAGE from 2^32 on). */
+/* Writes the header: vertices with x, y, z and the attributes, in the order of their file; faces
+ * with vertex_indices (list uchar int, or uint from 2^31 vertices on; WH_E_USAGE from 2^32 on). */
 wh_code wh_ply_write_header(wh_ctx *c, struct wh_outfile *o, wh_ply_style style, uint64_t nv,
                             uint64_t nf);
-/* Appends n vertices (3n doubles); all vertices come before all faces. */
+/* Appends n vertices (3n doubles) without attributes; all vertices come before all faces. */
 wh_code wh_ply_write_vertices(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
                               const double *xyz, size_t n);
+/* The same with the records of their attributes, where the style has any. */
+wh_code wh_ply_write_records(wh_ctx *c, struct wh_outfile *o, wh_ply_style style, const double *xyz,
+                             const uint8_t *records, size_t n);
 /* Appends n triangles (3n indices). */
 wh_code wh_ply_write_triangles(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
                                const uint32_t *ids, size_t n);

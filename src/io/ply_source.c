@@ -8,7 +8,7 @@
 #define _GNU_SOURCE
 #include "io/ply.h"
 
-#include "io/ply_value.h"
+#include "io/attributes.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -67,6 +67,7 @@ void wh_ply_vertex_source(const wh_ply *p, uint64_t base, wh_source *out)
 	out->vbase = base;
 	out->vstride = (uint32_t)e->stride;
 	out->vswap = swapped(p);
+	out->afd = -1;
 	out->is_double = false;
 	for (int k = 0; k < 3; k++) {
 		out->voff[k] = offset_of(e, prop[k]);
@@ -115,7 +116,7 @@ bool wh_ply_direct(const wh_ply *p, wh_source *out)
 
 size_t wh_source_vertex_bytes(const wh_source *s, size_t n)
 {
-	return n * s->vstride;
+	return n * s->vstride; /* records of attributes are read to where they belong */
 }
 
 size_t wh_source_triangle_bytes(const wh_source *s, size_t n)
@@ -195,6 +196,34 @@ wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t
 		return c->err.code;
 	decode_vertices(s, scratch, n, xyz);
 	return check_finite(c, s, first, n, xyz);
+}
+
+/* --- attributes --- */
+
+/* One attribute of n vertices after the other: what is done to it does not change in the loop. */
+static void load_attributes(const wh_source *s, const unsigned char *from, size_t n,
+                            uint8_t *records)
+{
+	const wh_attributes *a = s->attributes;
+	for (uint32_t k = 0; k < a->n; k++) {
+		const wh_attribute *item = &a->item[k];
+		for (size_t i = 0; i < n; i++)
+			wh_attribute_load(item, from + i * s->vstride + item->file_at, s->vswap,
+			                  records + i * a->bytes);
+	}
+}
+
+wh_code wh_source_attributes(wh_ctx *c, const wh_source *s, uint64_t first, size_t n,
+                             uint8_t *records, void *scratch)
+{
+	const size_t size = s->attributes->bytes;
+	if (s->afd >= 0)
+		return wh_ply_pread(c, s->path, s->afd, records, n * size, s->abase + first * size);
+	if (wh_ply_pread(c, s->path, s->vfd, scratch, n * s->vstride,
+	                 s->vbase + first * s->vstride) != WH_OK)
+		return c->err.code;
+	load_attributes(s, scratch, n, records);
+	return WH_OK;
 }
 
 /* --- triangles --- */

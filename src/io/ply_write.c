@@ -5,13 +5,14 @@
  */
 #include "base/bytes.h"
 #include "base/real.h"
+#include "io/attributes.h"
 #include "io/outfile.h"
-#include "io/ply.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 
 enum {
+	ROOM = 65536,     /* bytes of output put together at a time */
 	BATCH = 1024,     /* records put together at a time */
 	TEXT_BATCH = 256, /* the same in text, ... */
 	TEXT_RECORD =
@@ -21,6 +22,61 @@ enum {
 
 _Static_assert(3 * sizeof(double) * BATCH <= 65536, "a batch fits the room of an outfile");
 _Static_assert(TEXT_BATCH *TEXT_RECORD <= 65536, "a batch fits the room of an outfile");
+_Static_assert((3 + WH_MOST_ATTRIBUTES) * (WH_ATTRIBUTE_TEXT + 1) <= ROOM, "so does a vertex");
+
+/* Attributes that come before an axis; behind all of them, for axis 3. */
+static uint32_t attributes_before(const wh_attributes *a, int axis)
+{
+	return !a ? 0 : axis < 3 ? a->before[axis] : a->n;
+}
+
+/* The axes in the order of the file; an axis and all before it come before the next one. */
+static void axes_in_order(const wh_attributes *a, int axis[4])
+{
+	for (int k = 0; k < 4; k++)
+		axis[k] = k;
+	for (int i = 1; a && i < 3; i++)
+		for (int k = i; k > 0 && a->rank[axis[k]] < a->rank[axis[k - 1]]; k--) {
+			const int other = axis[k];
+			axis[k] = axis[k - 1];
+			axis[k - 1] = other;
+		}
+}
+
+static const char *type_name(wh_type t)
+{
+	static const char *const name[] = {"char", "uchar", "short",  "ushort", "int",
+	                                   "uint", "int64", "uint64", "float",  "double"};
+	return name[t];
+}
+
+static wh_code write_property(wh_ctx *c, wh_outfile *o, const char *type, const char *name)
+{
+	const char *const part[] = {"property ", type, " ", name, "\n"};
+	for (size_t i = 0; i < sizeof part / sizeof *part; i++)
+		if (wh_outfile_write(c, o, part[i], strlen(part[i])) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
+static wh_code write_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)
+{
+	static const char *const axis_name[] = {"x", "y", "z"};
+	const wh_attributes *a = style.attributes;
+	int axis[4];
+	uint32_t next = 0;
+	axes_in_order(a, axis);
+	for (int k = 0; k < 4; k++) {
+		for (; next < attributes_before(a, axis[k]); next++)
+			if (write_property(c, o, type_name(a->item[next].type),
+			                   a->item[next].name) != WH_OK)
+				return c->err.code;
+		if (axis[k] < 3 && write_property(c, o, style.is_double ? "double" : "float",
+		                                  axis_name[axis[k]]) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
+}
 
 wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64_t nv, uint64_t nf)
 {
@@ -29,21 +85,21 @@ wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64
 		               "PLY has no index type for %" PRIu64
 		               " vertices; reduce to fewer than 4294967296",
 		               nv);
-	const char *real = style.is_double ? "double" : "float";
-	char text[512];
-	const int n = snprintf(text, sizeof text,
-	                       "ply\n"
-	                       "format %s 1.0\n"
-	                       "comment made by whittle\n"
-	                       "element vertex %" PRIu64 "\n"
-	                       "property %s x\n"
-	                       "property %s y\n"
-	                       "property %s z\n"
-	                       "element face %" PRIu64 "\n"
-	                       "property list uchar %s vertex_indices\n"
-	                       "end_header\n",
-	                       style.ascii ? "ascii" : "binary_little_endian", nv, real, real, real,
-	                       nf, nv < 0x80000000u ? "int" : "uint");
+	char text[256];
+	int n = snprintf(text, sizeof text,
+	                 "ply\n"
+	                 "format %s 1.0\n"
+	                 "comment made by whittle\n"
+	                 "element vertex %" PRIu64 "\n",
+	                 style.ascii ? "ascii" : "binary_little_endian", nv);
+	if (wh_outfile_write(c, o, text, (size_t)n) != WH_OK ||
+	    write_properties(c, o, style) != WH_OK)
+		return c->err.code;
+	n = snprintf(text, sizeof text,
+	             "element face %" PRIu64 "\n"
+	             "property list uchar %s vertex_indices\n"
+	             "end_header\n",
+	             nf, nv < 0x80000000u ? "int" : "uint");
 	return wh_outfile_write(c, o, text, (size_t)n);
 }
 
@@ -106,6 +162,74 @@ wh_code wh_ply_write_vertices(wh_ctx *c, wh_outfile *o, wh_ply_style style, cons
 	}
 	return WH_OK;
 }
+
+/* ---- vertices with attributes ------------------------------------------------------------- */
+
+static unsigned char *put_coordinate(unsigned char *to, wh_ply_style style, double v)
+{
+	if (style.ascii) {
+		to += snprintf((char *)to, 32, "%.*g", style.is_double ? 17 : 9,
+		               style.is_double ? v : wh_round_float(v));
+		*to++ = ' ';
+		return to;
+	}
+	if (style.is_double)
+		store_double(to, v);
+	else
+		store_float(to, (float)v);
+	return to + (style.is_double ? 8 : 4);
+}
+
+static unsigned char *put_attribute(unsigned char *to, wh_ply_style style, const wh_attribute *a,
+                                    const uint8_t *record)
+{
+	if (!style.ascii)
+		return wh_attribute_store(a, record, to);
+	char *end = wh_attribute_print(a, record, (char *)to);
+	*end++ = ' ';
+	return (unsigned char *)end;
+}
+
+static unsigned char *put_record(unsigned char *to, wh_ply_style style, const int axis[4],
+                                 const double xyz[3], const uint8_t *record)
+{
+	const wh_attributes *a = style.attributes;
+	uint32_t next = 0;
+	for (int k = 0; k < 4; k++) {
+		for (; next < attributes_before(a, axis[k]); next++)
+			to = put_attribute(to, style, &a->item[next], record);
+		if (axis[k] < 3)
+			to = put_coordinate(to, style, xyz[axis[k]]);
+	}
+	if (style.ascii)
+		to[-1] = '\n';
+	return to;
+}
+
+wh_code wh_ply_write_records(wh_ctx *c, wh_outfile *o, wh_ply_style style, const double *xyz,
+                             const uint8_t *records, size_t n)
+{
+	const wh_attributes *a = style.attributes;
+	if (!a)
+		return wh_ply_write_vertices(c, o, style, xyz, n);
+	const size_t most =
+	    style.ascii ? (3 + (size_t)a->n) * (WH_ATTRIBUTE_TEXT + 1) : 24 + (size_t)a->file_bytes;
+	const size_t batch = ROOM / most;
+	int axis[4];
+	axes_in_order(a, axis);
+	for (size_t i = 0; i < n;) {
+		const size_t end = n - i < batch ? n : i + batch;
+		unsigned char *room = wh_outfile_room(c, o, ROOM), *to = room;
+		if (!room)
+			return c->err.code;
+		for (; i < end; i++)
+			to = put_record(to, style, axis, xyz + 3 * i, records + i * a->bytes);
+		wh_outfile_advance(o, (size_t)(to - room));
+	}
+	return WH_OK;
+}
+
+/* ---- triangles ---------------------------------------------------------------------------- */
 
 static size_t put_triangles(unsigned char *to, const uint32_t *ids, size_t n)
 {

@@ -190,6 +190,14 @@ static uint32_t renumber(const wh_mesh *m, const item *items, uint32_t *number, 
 	return used;
 }
 
+static void copy_colours(const wh_mesh *m, const uint32_t *number, wh_mesh *out)
+{
+	for (uint32_t v = 0; v < m->nv; v++)
+		if (number[v] != WH_NONE)
+			memcpy(&out->colour[3 * (size_t)number[v]], &m->colour[3 * (size_t)v],
+			       3 * sizeof *m->colour);
+}
+
 static wh_code copy_mesh(wh_ctx *c, const wh_mesh *m, const wh_frame *f, const item *items,
                          wh_mesh *out)
 {
@@ -204,6 +212,8 @@ static wh_code copy_mesh(wh_ctx *c, const wh_mesh *m, const wh_frame *f, const i
 	for (uint32_t v = 0; v < m->nv; v++)
 		if (number[v] != WH_NONE)
 			out->pos[number[v]] = wh_frame_local(f, m->pos[v]);
+	if (m->colour && (out->colour = wh_alloc(c, out->nv, 3 * sizeof *out->colour)))
+		copy_colours(m, number, out);
 out:
 	wh_free(c, number);
 	return c->err.code;

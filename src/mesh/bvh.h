@@ -2,9 +2,9 @@
  * bvh: the nearest point of a surface, fast.
  *
  * A tree of boxes over the triangles of a mesh. The tree keeps its own copy of the mesh, in a
- * frame in which coordinates lie within -1 .. 1, faces in the order of the tree (neighbours in
- * space are neighbours in it), unreferenced vertices left out. Read-only once built: any number
- * of threads may query it.
+ * frame in which coordinates lie within -1 .. 1, with its colours, faces in the order of the tree
+ * (neighbours in space are neighbours in it), unreferenced vertices left out. Read-only once built:
+ * any number of threads may query it.
  */
 #ifndef WH_MESH_BVH_H
 #define WH_MESH_BVH_H

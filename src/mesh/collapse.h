@@ -20,16 +20,16 @@ typedef struct wh_collapse {
 	uint32_t faces; /* that vanish: 1 or 2 */
 } wh_collapse;
 
-/* Where a run's collapses go, one after the other. */
+/* Where a run's collapses go, one after the other, with the attributes that v has then. */
 typedef struct wh_collapse_sink {
-	wh_code (*put)(wh_ctx *c, void *to, const wh_collapse *r);
+	wh_code (*put)(wh_ctx *c, void *to, const wh_collapse *r, const uint8_t *attr);
 	void *to;
 } wh_collapse_sink;
 
 /* Before the first collapse: every vertex of p into itself. `into` has room for p->nv. */
 void wh_replay_begin(const wh_patch *p, uint32_t *into);
 
-/* One collapse; faces are looked at in the end. */
+/* One collapse; faces are looked at in the end. The caller sees to attributes. */
 static inline void wh_replay(wh_patch *p, uint32_t *into, const wh_collapse *r)
 {
 	into[r->u] = r->v;

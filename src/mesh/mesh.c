@@ -16,5 +16,6 @@ void wh_mesh_free(wh_ctx *c, wh_mesh *m)
 {
 	wh_free(c, m->pos);
 	wh_free(c, m->tri);
+	wh_free(c, m->colour);
 	*m = (wh_mesh){0};
 }

@@ -17,9 +17,10 @@ typedef struct wh_mesh {
 	uint32_t nf;   /* triangles */
 	wh_vec3 *pos;  /* nv positions, owned */
 	uint32_t *tri; /* 3 nf corner vertices, owned */
+	float *colour; /* 3 nv: red, green and blue from 0 to 255, owned; NULL: none are known */
 } wh_mesh;
 
-/* Reserves both arrays (contents undefined). On failure *m is empty. */
+/* Reserves positions and corners (contents undefined). On failure *m is empty. */
 wh_code wh_mesh_alloc(wh_ctx *c, wh_mesh *m, uint32_t nv, uint32_t nf);
 
 /* Frees the arrays and empties *m; an empty mesh is allowed. */

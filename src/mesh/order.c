@@ -64,6 +64,19 @@ static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
 	}
 }
 
+/* Attributes in another order: as much of every record at a time as there is room for. */
+static void permute_attributes(const wh_patch *p, const place *at, uint8_t *room)
+{
+	const uint32_t size = p->attr_bytes;
+	for (uint32_t done = 0; done < size; done += sizeof(wh_vec3)) {
+		const size_t n = size - done < sizeof(wh_vec3) ? size - done : sizeof(wh_vec3);
+		for (uint32_t i = 0; i < p->nv; i++)
+			memcpy(room + i * n, wh_patch_attr(p, at[i].v) + done, n);
+		for (uint32_t i = 0; i < p->nv; i++)
+			memcpy(wh_patch_attr(p, i) + done, room + i * n, n);
+	}
+}
+
 /* The patch's arrays in another order: vertex i comes from place at[i].v. */
 static void permute(wh_patch *p, const place *at, uint32_t *map, void *room)
 {
@@ -83,6 +96,7 @@ static void permute(wh_patch *p, const place *at, uint32_t *map, void *room)
 	for (uint32_t i = 0; i < p->nv; i++)
 		flag[i] = p->flag[at[i].v];
 	memcpy(p->flag, flag, p->nv * sizeof *flag);
+	permute_attributes(p, at, room);
 	for (uint32_t i = 0; i < p->nv; i++)
 		map[at[i].v] = i;
 }

@@ -12,6 +12,9 @@ wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf)
 	    wh_renew(c, &p->err, &err, nv, sizeof *p->err) != WH_OK ||
 	    wh_renew(c, &p->tri, &tri, nf, 3 * sizeof *p->tri) != WH_OK)
 		return c->err.code;
+	if (p->attr_bytes &&
+	    wh_renew(c, &p->attr, &p->cap_attr, (size_t)nv * p->attr_bytes, 1) != WH_OK)
+		return c->err.code;
 	p->cap_v = (uint32_t)pos;
 	p->cap_f = (uint32_t)tri;
 	p->nv = nv;
@@ -26,7 +29,19 @@ void wh_patch_free(wh_ctx *c, wh_patch *p)
 	wh_free(c, p->gid);
 	wh_free(c, p->flag);
 	wh_free(c, p->err);
+	wh_free(c, p->attr);
 	*p = (wh_patch){0};
+}
+
+/* The same for attributes, as long as `map` still says who is used. */
+static void close_attributes(const wh_patch *p, const uint32_t *map)
+{
+	uint32_t live = 0;
+	for (uint32_t v = 0; v < p->nv; v++) {
+		if (map[v] && live != v)
+			memcpy(wh_patch_attr(p, live), wh_patch_attr(p, v), p->attr_bytes);
+		live += map[v];
+	}
 }
 
 /* Without a branch: where a vertex goes, the next one goes as well if nobody uses it. */
@@ -57,6 +72,8 @@ uint32_t wh_patch_compact(wh_patch *p, uint32_t *map)
 	memset(map, 0, (size_t)p->nv * sizeof *map);
 	for (size_t i = 0; i < corners; i++)
 		map[tri[i]] = 1;
+	if (p->attr_bytes)
+		close_attributes(p, map);
 	const uint32_t live = close_ranks(p, map);
 	for (size_t i = 0; i < corners; i++)
 		tri[i] = map[tri[i]];

@@ -27,16 +27,24 @@ typedef struct wh_patch {
 	uint64_t *gid;         /* nv global ids: what makes a cut vertex the same in two pieces */
 	uint8_t *flag;         /* nv, of the enum above */
 	float *err;            /* nv accumulated distance bounds, in units of the positions */
+	uint8_t *attr;         /* nv records of attr_bytes each: what else a vertex carries */
+	uint32_t attr_bytes;   /* 0: nothing; to be set before room is made */
+	size_t cap_attr;       /* bytes */
 } wh_patch;
+
+static inline uint8_t *wh_patch_attr(const wh_patch *p, uint32_t v)
+{
+	return p->attr + (size_t)v * p->attr_bytes;
+}
 
 /* Makes room for nv vertices and nf faces (contents lost) and sets the counts. An empty patch
  * ({0}) may grow. On failure the patch is fit for nothing but another reset, or to be freed. */
 wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf);
 
 /* Bytes of a patch of these counts. */
-static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf)
+static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
 {
-	return (size_t)nv * 37 + (size_t)nf * 12;
+	return (size_t)nv * (37 + (size_t)attr_bytes) + (size_t)nf * 12;
 }
 
 void wh_patch_free(wh_ctx *c, wh_patch *p);

@@ -122,6 +122,8 @@ static wh_code grow(wh_ctx *c, wh_patch *p)
 	    wh_reserve(c, &p->flag, &flag, n, sizeof *p->flag) != WH_OK ||
 	    wh_reserve(c, &p->err, &err, n, sizeof *p->err) != WH_OK)
 		return c->err.code;
+	if (p->attr_bytes && wh_reserve(c, &p->attr, &p->cap_attr, n * p->attr_bytes, 1) != WH_OK)
+		return c->err.code;
 	p->cap_v = pos < UINT32_MAX ? (uint32_t)pos : UINT32_MAX;
 	return WH_OK;
 }
@@ -136,6 +138,8 @@ static wh_code double_vertex(wh_ctx *c, separate *s, uint32_t v, uint32_t *twin)
 	p->gid[*twin] = s->next_gid++;
 	p->flag[*twin] = p->flag[v];
 	p->err[*twin] = p->err[v];
+	if (p->attr_bytes)
+		memcpy(wh_patch_attr(p, *twin), wh_patch_attr(p, v), p->attr_bytes);
 	return WH_OK;
 }
 

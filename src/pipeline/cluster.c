@@ -56,10 +56,11 @@ void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w)
 	wh_free(c, w);
 }
 
-size_t wh_cluster_bytes(uint64_t nv, uint64_t nf)
+size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
 {
-	const size_t patch_bytes = (size_t)nv * 37 + (size_t)nf * 12;
-	const size_t cut_bytes = (size_t)nv * 8 + (size_t)nf * 16;
+	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes);
+	/* seats, faces; attributes of a micro-cluster, in the worst case all of them */
+	const size_t cut_bytes = (size_t)nv * (8 + (size_t)attr_bytes) + (size_t)nf * 16;
 	return patch_bytes + cut_bytes + wh_simplify_bytes(nv, nf) + ((size_t)1 << 20);
 }
 
@@ -150,6 +151,7 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 {
 	const uint32_t nf = w->start[k + 1] - w->start[k];
 	wh_patch *m = &w->micro;
+	m->attr_bytes = p->attr_bytes;
 	/* a vertex a face in the worst case; a little more than half in practice */
 	if (wh_patch_reset(c, m, 3 * nf < p->nv ? 3 * nf : p->nv, nf) != WH_OK)
 		return c->err.code;
@@ -165,6 +167,8 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 			m->gid[nv] = v;
 			m->flag[nv] =
 			    (uint8_t)((p->flag[v] & WH_CUT) | (s->owner == SHARED ? WH_CUT : 0));
+			if (p->attr_bytes)
+				memcpy(wh_patch_attr(m, nv), wh_patch_attr(p, v), p->attr_bytes);
 			nv++;
 		}
 		m->tri[i] = s->local;
@@ -181,6 +185,9 @@ static void put_back(const wh_patch *m, wh_patch *p, uint32_t *nf)
 	for (uint32_t v = 0; v < m->nv; v++) {
 		p->pos[m->gid[v]] = m->pos[v];
 		p->err[m->gid[v]] = m->err[v];
+		if (p->attr_bytes)
+			memcpy(wh_patch_attr(p, (uint32_t)m->gid[v]), wh_patch_attr(m, v),
+			       p->attr_bytes);
 	}
 	uint32_t *to = &p->tri[3 * (size_t)*nf];
 	for (size_t i = 0; i < 3 * (size_t)m->nf; i++)

@@ -5,6 +5,7 @@
 #include "pipeline/round.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* What one worker needs. */
 typedef struct emit_hand {
@@ -74,11 +75,13 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 		h->xyz[3 * n] = q.x;
 		h->xyz[3 * n + 1] = q.y;
 		h->xyz[3 * n + 2] = q.z;
+		if (p->attr_bytes && n < v)
+			memcpy(wh_patch_attr(p, (uint32_t)n), wh_patch_attr(p, v), p->attr_bytes);
 		n++;
 	}
 	e->first[index + 1] = e->first[index] + n;
 	wh_progress_add(e->progress, p->nf);
-	return wh_mesh_vertices(c, &e->out, h->xyz, n);
+	return wh_mesh_vertices(c, &e->out, h->xyz, p->attr, n);
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
@@ -156,7 +159,7 @@ static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 
 size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf) +
+	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf, store->attr_bytes) +
 	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf);
 }
 
@@ -166,10 +169,13 @@ static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
 	uint64_t nv, nf, faces, vertices;
 	if (wh_round_extent(c, e->store, &nv, &nf, &faces, &vertices) != WH_OK)
 		return c->err.code;
-	for (int i = 0; i < workers; i++)
-		if (wh_store_scratch_fit(c, e->store, &e->hands[i].scratch, nv, nf) != WH_OK ||
-		    wh_patch_reset(c, &e->hands[i].patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+	for (int i = 0; i < workers; i++) {
+		emit_hand *h = &e->hands[i];
+		h->patch.attr_bytes = e->store->attr_bytes;
+		if (wh_store_scratch_fit(c, e->store, &h->scratch, nv, nf) != WH_OK ||
+		    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 			return c->err.code;
+	}
 	return WH_OK;
 }
 

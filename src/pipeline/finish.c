@@ -3,11 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t wh_finish_bytes(uint64_t nv, uint64_t nf)
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
 {
-	const size_t patch_bytes = (size_t)nv * 37 + (size_t)nf * 12;
+	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes);
 	const size_t engine = wh_simplify_bytes(nv, nf);
-	return patch_bytes + engine + ((size_t)2 << 20);
+	/* while clusters are put together, one of them is there as a file and as a patch, too */
+	const size_t loading = 2 * wh_patch_bytes(nv, nf, attr_bytes);
+	return patch_bytes + (loading > engine ? loading : engine) + ((size_t)2 << 20);
 }
 
 /* ---- stitching ---------------------------------------------------------------------------- */
@@ -39,6 +41,8 @@ static wh_code append(wh_ctx *c, wh_patch *p, const wh_patch *one, copies *cut)
 		p->gid[at] = one->gid[v];
 		p->err[at] = one->err[v];
 		p->flag[at] = 0;
+		if (p->attr_bytes)
+			memcpy(wh_patch_attr(p, at), wh_patch_attr(one, v), p->attr_bytes);
 		if (!(one->flag[v] & WH_CUT))
 			continue;
 		if (wh_reserve(c, &cut->item, &cut->cap, cut->n + 1, sizeof *cut->item) != WH_OK)
@@ -93,6 +97,7 @@ static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
 		    c, WH_E_PLAN,
 		    "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
 		    (unsigned long long)nf);
+	p->attr_bytes = store->attr_bytes;
 	if (wh_patch_reset(c, p, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
 	p->nv = p->nf = 0;
@@ -158,7 +163,7 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 			xyz[3 * (size_t)i + 1] = q.y;
 			xyz[3 * (size_t)i + 2] = q.z;
 		}
-		code = wh_mesh_vertices(c, &m, xyz, n);
+		code = wh_mesh_vertices(c, &m, xyz, p->attr ? wh_patch_attr(p, v) : NULL, n);
 		wh_progress_add(progress, n);
 	}
 	for (uint32_t f = 0; code == WH_OK && f < p->nf; f += WRITE_CHUNK) {

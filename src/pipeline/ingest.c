@@ -14,6 +14,7 @@
 
 #include "base/sort.h"
 #include "geom/kdtree.h"
+#include "io/attributes.h"
 #include "pipeline/homes.h"
 #include "pipeline/visits.h"
 
@@ -41,6 +42,7 @@ enum {
 typedef struct bench {
 	void *raw;
 	double *xyz;
+	uint8_t *attr;  /* records of the vertices at hand */
 	uint64_t *ids;  /* corners of the faces at hand */
 	uint16_t *home; /* of the vertices or corners at hand */
 	wh_parcel out;
@@ -338,8 +340,14 @@ static void keep_cut(bench *b, size_t i)
 	memmove(&b->xyz[3 * b->cuts++], &b->xyz[3 * i], 3 * sizeof *b->xyz);
 }
 
+static uint32_t record_bytes(const wh_source *src)
+{
+	return src->attributes ? src->attributes->bytes : 0;
+}
+
 static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 {
+	const uint32_t record = record_bytes(g->src);
 	const wh_visits *v = &g->visits;
 	const size_t begin = wh_visits_find(v, first);
 	size_t at = begin;
@@ -350,9 +358,12 @@ static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 		while (at < v->n && wh_visit_vertex(v->item[at]) == gid)
 			at++;
 		const uint8_t flag = at > visited ? WH_CUT | WH_NEVER : 0;
-		for (size_t k = visited; k <= at; k++)
-			(void)wh_store_put_vertex(g->store, wh_parcel_put(&b->out, i + k - begin),
-			                          gid, flag, p, 0);
+		for (size_t k = visited; k <= at; k++) {
+			uint8_t *end = wh_store_put_vertex(
+			    g->store, wh_parcel_put(&b->out, i + k - begin), gid, flag, p, 0);
+			if (record)
+				memcpy(end, b->attr + i * record, record);
+		}
 		if (at > visited)
 			keep_cut(b, i);
 	}
@@ -366,6 +377,8 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const uint64_t first = vertex_of_record(g, (uint64_t)index * CHUNK);
 	const size_t n = (size_t)(vertex_of_record(g, ((uint64_t)index + 1) * CHUNK) - first);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK ||
+	    (g->src->attributes &&
+	     wh_source_attributes(c, g->src, first, n, b->attr, b->raw) != WH_OK) ||
 	    wh_homes_get(c, &g->homes, first, n, b->home) != WH_OK ||
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_vertex_bytes(g->store),
 	                    CHUNK + g->clusters) != WH_OK)
@@ -442,6 +455,7 @@ static void describe_store(const wh_source *src, const wh_ingest_params *params,
 	store->id_bytes = src->nv < (uint64_t)1 << 30 ? 4 : 8;
 	store->coord_bytes = src->is_double ? 8 : 4;
 	store->vertex_payload = 0;
+	store->attr_bytes = record_bytes(src);
 	store->local_corners = false;
 }
 
@@ -452,7 +466,7 @@ static size_t bench_bytes(const wh_source *src, const wh_ingest_params *params)
 	const size_t record = larger(wh_store_face_bytes(&store), wh_store_vertex_bytes(&store));
 	const size_t each =
 	    3 * sizeof(double) + 3 * sizeof(uint64_t) + 3 * sizeof(uint16_t) + 2 * sizeof(uint64_t);
-	return raw_bytes(src) + CHUNK * each +
+	return raw_bytes(src) + CHUNK * (each + record_bytes(src)) +
 	       wh_parcel_bytes(params->clusters, record, CHUNK + params->clusters) + 1024;
 }
 
@@ -524,6 +538,8 @@ static wh_code benches_make(wh_ctx *c, ingest *g, int workers)
 		bench *b = &g->worker[i];
 		b->raw = wh_alloc(c, raw_bytes(g->src), 1);
 		b->xyz = wh_alloc(c, CHUNK, 3 * sizeof *b->xyz);
+		if (g->src->attributes)
+			b->attr = wh_alloc(c, CHUNK, record_bytes(g->src));
 		b->ids = wh_alloc(c, CHUNK, 3 * sizeof *b->ids);
 		b->home = wh_alloc(c, CHUNK, 3 * sizeof *b->home);
 		b->away = wh_alloc(c, CHUNK, 2 * sizeof *b->away);
@@ -537,6 +553,7 @@ static void benches_free(wh_ctx *c, ingest *g, int workers)
 		bench *b = &g->worker[i];
 		wh_free(c, b->raw);
 		wh_free(c, b->xyz);
+		wh_free(c, b->attr);
 		wh_free(c, b->ids);
 		wh_free(c, b->home);
 		wh_free(c, b->away);

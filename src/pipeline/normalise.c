@@ -109,7 +109,8 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
                        bool needs_faces)
 {
 	wh_rewrite w;
-	if (wh_rewrite_open(c, &w, ex, spill, &in->ply) != WH_OK)
+	const wh_attributes *carried = in->attributes.n ? &in->attributes : NULL;
+	if (wh_rewrite_open(c, &w, ex, spill, &in->ply, carried) != WH_OK)
 		return c->err.code;
 	wh_code code = rewrite_body(c, &w, in);
 	if (code == WH_OK && needs_faces && w.source.nf == 0)
@@ -130,6 +131,7 @@ static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool f
 	wh_code code = WH_E_IRREGULAR;
 	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
+	in->source.attributes = in->attributes.n ? &in->attributes : NULL;
 	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in, true) : code;
 }
 
@@ -233,10 +235,25 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       wh_format from, bool force_rewrite, wh_input *in)
 {
+	return wh_input_open_with(c, ex, spill, path, from, force_rewrite, "none", in);
+}
+
+/* Other formats' properties are named, and left. */
+static wh_code choose(wh_ctx *c, const char *attributes, wh_input *in)
+{
+	return wh_attributes_choose(
+	    c, &in->ply, in->ply.kind == WH_FORMAT_PLY ? attributes : "none", &in->attributes);
+}
+
+wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                           wh_format from, bool force_rewrite, const char *attributes, wh_input *in)
+{
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
+	if (code == WH_OK)
+		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
 	if (code == WH_OK)
 		code = make_source(c, ex, spill, force_rewrite, in);
 	if (code != WH_OK)
@@ -314,23 +331,31 @@ static void expect_rewrite(const wh_ply *p, wh_source *s)
 	}
 }
 
+static wh_code look(wh_ctx *c, wh_input *in)
+{
+	wh_source *s = &in->source;
+	const wh_code code = in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, s)
+	                         ? probe(c, s)
+	                         : WH_E_IRREGULAR;
+	if (code == WH_E_IRREGULAR) {
+		*s = (wh_source){0};
+		expect_rewrite(&in->ply, s);
+	}
+	s->attributes = in->attributes.n ? &in->attributes : NULL;
+	return code == WH_E_IRREGULAR ? WH_OK : code;
+}
+
 wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, wh_input *in)
+                      wh_format from, const char *attributes, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
-	if (code == WH_OK) {
-		code = in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, &in->source)
-		           ? probe(c, &in->source)
-		           : WH_E_IRREGULAR;
-		if (code == WH_E_IRREGULAR) {
-			in->source = (wh_source){0};
-			expect_rewrite(&in->ply, &in->source);
-			code = WH_OK;
-		}
-	}
+	if (code == WH_OK)
+		code = choose(c, attributes, in);
+	if (code == WH_OK)
+		code = look(c, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
@@ -349,7 +374,8 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 	const uint64_t unpacked = in->unpacked ? in->ply.size : 0;
 	struct stat st;
 	if (s->ffd < 0)
-		return unpacked + s->nf * s->fstride + (s->vfd < 0 ? s->nv * s->vstride : 0) +
+		return unpacked + s->nf * s->fstride +
+		       (s->vfd < 0 ? s->nv * ((uint64_t)s->vstride + in->attributes.bytes) : 0) +
 		       weld_bytes(&in->ply, s);
 	return unpacked +
 	       (in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0);
@@ -377,6 +403,7 @@ void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
 		wh_input_drop_temp(spill, in);
 	wh_obj_free(c, &in->obj);
 	wh_stl_free(c, &in->stl);
+	wh_attributes_free(c, &in->attributes);
 	wh_ply_close(c, &in->ply);
 	*in = (wh_input){.temp_fd = -1};
 	in->ply.fd = -1;
@@ -499,34 +526,108 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
 	return code;
 }
 
+/* --- colours --- */
+
+typedef struct colour_loader {
+	const wh_source *s;
+	float *rgb;
+	uint8_t **records; /* one per worker */
+	void **scratch;
+} colour_loader;
+
+static wh_code load_colours(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const colour_loader *l = arg;
+	const wh_attributes *a = l->s->attributes;
+	const uint64_t first = (uint64_t)index * CHUNK;
+	const size_t n = chunk_size(l->s->nv, index);
+	uint8_t *records = l->records[worker];
+	if (wh_source_attributes(c, l->s, first, n, records, l->scratch[worker]) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++)
+		for (size_t k = 0; k < 3; k++) {
+			const wh_attribute *item = &a->item[a->rgb[k]];
+			l->rgb[3 * (first + i) + k] =
+			    (float)(255 * wh_attribute_get(item, records + i * a->bytes) /
+			            wh_type_white(item->type));
+		}
+	return WH_OK;
+}
+
+/* Where the source has no colours the mesh gets none. */
+static wh_code colour_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m)
+{
+	const size_t workers = (size_t)ex->workers;
+	if (!s->attributes || !s->attributes->has_rgb)
+		return WH_OK;
+	m->colour = wh_alloc(c, m->nv, 3 * sizeof *m->colour);
+	colour_loader l = {.s = s,
+	                   .rgb = m->colour,
+	                   .records = wh_calloc(c, workers, sizeof *l.records),
+	                   .scratch = wh_calloc(c, workers, sizeof *l.scratch)};
+	for (size_t i = 0; l.records && l.scratch && i < workers; i++) {
+		l.records[i] = wh_alloc(c, CHUNK, s->attributes->bytes);
+		l.scratch[i] = wh_alloc(c, wh_source_vertex_bytes(s, CHUNK), 1);
+	}
+	wh_code code = c->err.code;
+	if (code == WH_OK)
+		code = wh_exec_for(c, ex, chunks_of(s->nv), load_colours, &l);
+	for (size_t i = 0; i < workers; i++) {
+		if (l.records)
+			wh_free(c, l.records[i]);
+		if (l.scratch)
+			wh_free(c, l.scratch[i]);
+	}
+	wh_free(c, l.scratch);
+	wh_free(c, l.records);
+	return code;
+}
+
+/* --- files --- */
+
 /* One try. WH_E_IRREGULAR, with nothing recorded: force a rewrite. */
 static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         wh_format from, bool force_rewrite, wh_mesh *m, bool *is_double,
-                         uint64_t *degenerate)
+                         wh_format from, bool force_rewrite, const char *attributes, wh_mesh *m,
+                         bool *is_double, uint64_t *degenerate)
 {
 	wh_input in;
-	wh_code code = wh_input_open(c, ex, spill, path, from, force_rewrite, &in);
+	wh_code code = wh_input_open_with(c, ex, spill, path, from, force_rewrite, attributes, &in);
 	if (code != WH_OK)
 		return code;
 	code = wh_source_mesh(c, ex, &in.source, m);
+	if (code == WH_OK)
+		code = colour_mesh(c, ex, &in.source, m);
 	if (code == WH_OK && is_double)
 		*is_double = in.source.is_double;
 	if (code == WH_OK && degenerate)
 		*degenerate = in.degenerate + (in.source.nf - m->nf);
-	if (code == WH_OK && m->nf == 0) {
+	if (code == WH_OK && m->nf == 0)
 		code = nothing(c, &in.ply, "none of its faces has three different corners");
+	if (code != WH_OK)
 		wh_mesh_free(c, m);
-	}
 	wh_input_close(c, spill, &in);
 	return code;
+}
+
+static wh_code load(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_format from,
+                    const char *attributes, wh_mesh *m, bool *is_double, uint64_t *degenerate)
+{
+	*m = (wh_mesh){0};
+	const wh_code code =
+	    load_file(c, ex, spill, path, from, false, attributes, m, is_double, degenerate);
+	if (code != WH_E_IRREGULAR)
+		return code;
+	return load_file(c, ex, spill, path, from, true, attributes, m, is_double, degenerate);
+}
+
+wh_code wh_load_coloured(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                         wh_format from, wh_mesh *m)
+{
+	return load(c, ex, spill, path, from, "colour", m, NULL, NULL);
 }
 
 wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                      wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate)
 {
-	*m = (wh_mesh){0};
-	const wh_code code = load_file(c, ex, spill, path, from, false, m, is_double, degenerate);
-	if (code != WH_E_IRREGULAR)
-		return code;
-	return load_file(c, ex, spill, path, from, true, m, is_double, degenerate);
+	return load(c, ex, spill, path, from, "none", m, is_double, degenerate);
 }

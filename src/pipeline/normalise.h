@@ -10,7 +10,7 @@
 #define WH_PIPELINE_NORMALISE_H
 
 #include "exec/exec.h"
-#include "io/ply.h"
+#include "io/attributes.h"
 #include "io/spill.h"
 #include "mesh/mesh.h"
 #include "pipeline/read_obj.h"
@@ -22,10 +22,11 @@ typedef struct wh_input {
 	wh_stl stl;          /* of an STL file */
 	uint64_t file_bytes; /* of the user's file, packed or not */
 	bool unpacked;       /* ply is open on a temporary file, of what was compressed */
-	wh_source source;    /* refers to ply or to the temporary file below */
-	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
-	                        -1 when the whole body is used in place. Nameless: see spill.h */
-	uint64_t polygons;   /* faces with more than three corners */
+	wh_source source;    /* refers to ply or to the temporary file below, and to attributes */
+	wh_attributes attributes; /* besides positions; none when they were not asked for */
+	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
+	                      -1 when the whole body is used in place. Nameless: see spill.h */
+	uint64_t polygons; /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
 } wh_input;
@@ -48,12 +49,17 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       wh_format from, bool force_rewrite, wh_input *in);
+/* The same with vertex properties besides the positions, those of wh_attributes_choose, of PLY
+ * files. *in must stay where it is. */
+wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                           wh_format from, bool force_rewrite, const char *attributes,
+                           wh_input *in);
 /*
  * The same, but a body that would have to be rewritten is not: the source then has the counts of
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
  */
 wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, wh_input *in);
+                      wh_format from, const char *attributes, wh_input *in);
 /* The same as wh_input_open, but a file need not have faces: without, the source is its vertices.
  */
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
@@ -82,5 +88,8 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
  */
 wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                      wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate);
+/* The same with the colours of the vertices, where the file has any. */
+wh_code wh_load_coloured(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                         wh_format from, wh_mesh *m);
 
 #endif

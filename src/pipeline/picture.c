@@ -65,7 +65,8 @@ static wh_code try_other(wh_draw *d)
 	wh_input in;
 	if (!d->p->distance_to)
 		return WH_OK;
-	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, &in) != WH_OK)
+	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, "none", &in) !=
+	    WH_OK)
 		return d->c->err.code;
 	wh_input_close(d->c, &d->spill, &in);
 	return WH_OK;

@@ -1,6 +1,7 @@
 #include "pipeline/plan.h"
 
 #include "geom/kdtree.h"
+#include "io/attributes.h"
 #include "pipeline/cluster.h"
 #include "pipeline/emit.h"
 #include "pipeline/finish.h"
@@ -118,7 +119,8 @@ static const double VISITORS = 6;
 typedef struct forecast {
 	const wh_plan_query *q;
 	wh_plan *p;
-	double id, vertex; /* bytes of an id, of a vertex record without payload */
+	uint32_t attr;     /* bytes of a vertex' attributes */
+	double id, vertex; /* bytes of an id, of a vertex record without its error bound */
 	double faces;      /* now */
 	double store;      /* bytes of the cluster files now */
 	uint32_t clusters; /* that the mesh is cut into now */
@@ -138,6 +140,7 @@ static wh_store layout(const forecast *f, bool cut)
 	                  .id_bytes = (uint32_t)f->id,
 	                  .coord_bytes = f->q->source.is_double ? 8 : 4,
 	                  .vertex_payload = cut && f->p->rounds == 0 ? 0 : sizeof(float),
+	                  .attr_bytes = f->attr,
 	                  .local_corners = !cut};
 }
 
@@ -162,11 +165,16 @@ static double round_store(const forecast *f, double faces)
 	return faces * 12 + faces * 0.52 * (f->vertex + sizeof(float));
 }
 
+static double patch_of(const forecast *f, double nf)
+{
+	return nf * (12 + 0.5 * (37 + (double)f->attr));
+}
+
 /* Bytes of a cluster as it is loaded: its file, the patch, the places of its ids. */
 static double loaded(const forecast *f, double nf)
 {
 	const double payload = f->p->rounds > 0 ? sizeof(float) : 0;
-	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + nf * (12 + 0.5 * 37) + nf * 2;
+	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + patch_of(f, nf) + nf * 2;
 }
 
 static void stage(forecast *f, wh_plan_stage s, double need, double expect)
@@ -299,15 +307,15 @@ static void last_rounds(forecast *f)
 static void last_pass(forecast *f)
 {
 	const uint64_t nf = (uint64_t)f->faces, nv = nf / 2;
-	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf),
-	      f->faces * (TOUCHED_FINAL + 12 + 0.5 * 37));
+	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf, f->attr),
+	      f->faces * TOUCHED_FINAL + patch_of(f, f->faces));
 }
 
 static void largest_last_pass(forecast *f)
 {
 	const double most =
 	    fmin((double)wh_plan_final_limit(&f->q->sizes), (double)f->q->source.nf);
-	const size_t need = wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most);
+	const size_t need = wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most, f->attr);
 	if (need > f->p->stage[WH_PLAN_FINAL].need)
 		f->p->stage[WH_PLAN_FINAL].need = need;
 }
@@ -346,10 +354,12 @@ void wh_plan_make(const wh_plan_query *q, wh_plan *p)
 {
 	*p = (wh_plan){.clusters = wh_plan_clusters(&q->sizes, q->source.nf)};
 	const double id = q->source.nv < (uint64_t)1 << 30 ? 4 : 8;
+	const uint32_t attr = q->source.attributes ? q->source.attributes->bytes : 0;
 	forecast f = {.q = q,
 	              .p = p,
+	              .attr = attr,
 	              .id = id,
-	              .vertex = id + (q->source.is_double ? 24 : 12),
+	              .vertex = id + (q->source.is_double ? 24 : 12) + attr,
 	              .clusters = p->clusters,
 	              .faces = (double)q->source.nf};
 	ingest(&f);

@@ -335,6 +335,13 @@ static void add_vertex(recut_hand *h, uint32_t v, size_t *at)
 	h->user[v] = (uint32_t)h->out.n; /* from now on: the records up to and with its own */
 }
 
+static void put_vertex(const wh_store *s, const wh_patch *p, uint32_t v, uint8_t *to)
+{
+	to = wh_store_put_vertex(s, to, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
+	if (p->attr_bytes)
+		memcpy(to, wh_patch_attr(p, v), p->attr_bytes);
+}
+
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
@@ -353,8 +360,7 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	size_t i = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
 		for (; i < h->user[v]; i++)
-			(void)wh_store_put_vertex(r->to, wh_parcel_put(&h->out, i), p->gid[v],
-			                          p->flag[v], p->pos[v], p->err[v]);
+			put_vertex(r->to, p, v, wh_parcel_put(&h->out, i));
 	return WH_OK;
 }
 
@@ -401,6 +407,7 @@ static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 /* Room for the largest cluster. */
 static wh_code hand_fit(wh_ctx *c, recut_hand *h, const wh_store *from, uint64_t nv, uint64_t nf)
 {
+	h->patch.attr_bytes = from->attr_bytes;
 	if (wh_store_scratch_fit(c, from, &h->scratch, nv, nf) != WH_OK ||
 	    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
@@ -428,6 +435,7 @@ static void describe_store(const wh_store *from, wh_store *to)
 	to->id_bytes = from->id_bytes;
 	to->coord_bytes = from->coord_bytes;
 	to->vertex_payload = from->vertex_payload;
+	to->attr_bytes = from->attr_bytes;
 	to->local_corners = false;
 }
 
@@ -446,8 +454,9 @@ static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, u
 	const size_t corners = 3 * (size_t)nf;
 	const size_t most = larger(corners, (size_t)nv); /* every vertex has a corner */
 	const size_t vertices = wh_parcel_bytes(clusters, wh_store_vertex_bytes(&to), most);
-	return wh_store_scratch_bytes(from, nv, nf) + wh_patch_bytes(nv, nf) + 6 * (size_t)nv +
-	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
+	return wh_store_scratch_bytes(from, nv, nf) + wh_patch_bytes(nv, nf, from->attr_bytes) +
+	       6 * (size_t)nv + 2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) +
+	       1024;
 }
 
 /* Held all the time. */

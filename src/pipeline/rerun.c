@@ -1,6 +1,7 @@
 #include "pipeline/rerun.h"
 
 #include <stdio.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,9 +12,15 @@ static void name_of(uint32_t k, file_name name)
 	(void)snprintf(name, sizeof(file_name), "collapses-%u", k);
 }
 
+/* Bytes of a collapse with its attributes. */
+static size_t record(const wh_rerun *r)
+{
+	return sizeof(wh_collapse) + r->attr_bytes;
+}
+
 static wh_code make_room(wh_ctx *c, wh_rerun *r)
 {
-	return wh_renew(c, &r->buf, &r->cap, WH_RERUN_BUFFER, sizeof *r->buf);
+	return wh_renew(c, &r->buf, &r->cap, WH_RERUN_BUFFER * record(r), 1);
 }
 
 wh_code wh_rerun_begin(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k)
@@ -31,17 +38,20 @@ wh_code wh_rerun_begin(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k)
 
 static wh_code flush(wh_ctx *c, wh_rerun *r)
 {
-	const size_t n = r->used * sizeof *r->buf;
+	const size_t n = r->used * record(r);
 	const uint64_t at = r->off;
 	r->used = 0;
 	r->off += n;
 	return wh_spill_pwrite(c, r->spill, r->fd, r->buf, n, at);
 }
 
-wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one)
+wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one, const uint8_t *attr)
 {
 	wh_rerun *r = to;
-	r->buf[r->used++] = *one;
+	uint8_t *at = r->buf + r->used++ * record(r);
+	memcpy(at, one, sizeof *one);
+	if (r->attr_bytes)
+		memcpy(at + sizeof *one, attr, r->attr_bytes);
 	return r->used < WH_RERUN_BUFFER ? WH_OK : flush(c, r);
 }
 
@@ -62,13 +72,13 @@ static wh_code damaged(wh_ctx *c, const wh_rerun *r)
 /* Reads what comes next into the buffer. */
 static wh_code fill(wh_ctx *c, wh_rerun *r, uint64_t size)
 {
-	const uint64_t left = (size - r->off) / sizeof *r->buf;
+	const uint64_t left = (size - r->off) / record(r);
 	if (left == 0)
 		return damaged(c, r);
 	r->used = left < WH_RERUN_BUFFER ? (uint32_t)left : WH_RERUN_BUFFER;
 	const uint64_t at = r->off;
-	r->off += r->used * sizeof *r->buf;
-	return wh_spill_pread(c, r->spill, r->fd, r->buf, r->used * sizeof *r->buf, at);
+	r->off += r->used * record(r);
+	return wh_spill_pread(c, r->spill, r->fd, r->buf, r->used * record(r), at);
 }
 
 /* Both vertices are there still: so nothing goes in circles either. */
@@ -85,14 +95,18 @@ static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit lim
 		if (wh_poll(c) != WH_OK || fill(c, r, size) != WH_OK)
 			return c->err.code;
 		for (uint32_t i = 0; i < r->used && limit.collapses; i++) {
-			const wh_collapse *one = &r->buf[i];
-			if (one->faces > limit.faces)
+			const uint8_t *at = r->buf + i * record(r);
+			wh_collapse one;
+			memcpy(&one, at, sizeof one);
+			if (one.faces > limit.faces)
 				return WH_OK;
-			if (!is_possible(r, p, one))
+			if (!is_possible(r, p, &one))
 				return damaged(c, r);
-			wh_replay(p, r->into, one);
-			wh_simplify_result_note(result, one->cost, one->weight, (double)one->err);
-			limit.faces -= one->faces;
+			wh_replay(p, r->into, &one);
+			if (r->attr_bytes)
+				memcpy(wh_patch_attr(p, one.v), at + sizeof one, r->attr_bytes);
+			wh_simplify_result_note(result, one.cost, one.weight, (double)one.err);
+			limit.faces -= one.faces;
 			limit.collapses--;
 		}
 	}

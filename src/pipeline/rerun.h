@@ -1,6 +1,7 @@
 /*
  * rerun: the collapses of a trial on a cluster, kept in a file until it is known how many of them
- * count.
+ * count. With each go the attributes of the vertex made, which cannot be worked out again from two
+ * vertices alone.
  */
 #ifndef WH_PIPELINE_RERUN_H
 #define WH_PIPELINE_RERUN_H
@@ -10,13 +11,14 @@
 
 enum { WH_RERUN_BUFFER = 2048 }; /* collapses */
 
-/* One for each worker. Zero-initialise; free with wh_rerun_free. */
+/* One for each worker. Zero-initialise but for attr_bytes; free with wh_rerun_free. */
 typedef struct wh_rerun {
+	uint32_t attr_bytes; /* of a vertex */
 	wh_spill *spill;
-	wh_collapse *buf; /* WH_RERUN_BUFFER */
+	uint8_t *buf; /* WH_RERUN_BUFFER collapses, each with its attributes behind it */
 	uint32_t *into;
 	size_t cap, cap_into;
-	uint32_t used;
+	uint32_t used; /* collapses */
 	uint64_t off;
 	int fd; /* valid between begin and end */
 } wh_rerun;
@@ -30,7 +32,7 @@ typedef struct wh_rerun_limit {
 wh_code wh_rerun_begin(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k);
 
 /* A wh_collapse_sink's put; `to` is the wh_rerun. */
-wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one);
+wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one, const uint8_t *attr);
 
 /* Ends it, after a failure too; `code`: how the trial went. */
 wh_code wh_rerun_end(wh_ctx *c, wh_rerun *r, wh_code code);
@@ -43,9 +45,10 @@ wh_code wh_rerun_perform(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k, wh
 void wh_rerun_free(wh_ctx *c, wh_rerun *r);
 
 /* Bytes that a worker takes for a cluster of so many vertices. */
-static inline size_t wh_rerun_bytes(uint64_t nv)
+static inline size_t wh_rerun_bytes(uint64_t nv, uint32_t attr_bytes)
 {
-	return WH_RERUN_BUFFER * sizeof(wh_collapse) + (size_t)nv * sizeof(uint32_t) + 256;
+	return WH_RERUN_BUFFER * (sizeof(wh_collapse) + attr_bytes) +
+	       (size_t)nv * sizeof(uint32_t) + 256;
 }
 
 #endif

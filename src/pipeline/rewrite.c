@@ -22,13 +22,16 @@ void wh_rewrite_restart(wh_rewrite *w)
 		s->voff[k] = k * wh_type_size(type);
 	}
 	s->vstride = 3 * wh_type_size(type);
-	w->end = s->nv * s->vstride;
+	s->attributes = w->attributes;
+	s->afd = w->fd;
+	s->abase = s->nv * s->vstride;
+	w->end = s->abase + s->nv * wh_rewrite_record(w);
 }
 
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply)
+                        const wh_ply *ply, const wh_attributes *attributes)
 {
-	*w = (wh_rewrite){.ply = ply, .ex = ex, .spill = spill, .fd = -1};
+	*w = (wh_rewrite){.ply = ply, .attributes = attributes, .ex = ex, .spill = spill, .fd = -1};
 	w->facers = wh_calloc(c, (size_t)ex->workers, sizeof *w->facers);
 	if (!w->facers)
 		return c->err.code;
@@ -99,6 +102,16 @@ wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double
 		to_floats(xyz, n);
 	return wh_spill_pwrite(c, w->spill, w->fd, xyz, n * w->source.vstride,
 	                       first * w->source.vstride);
+}
+
+wh_code wh_rewrite_put_attributes(wh_ctx *c, wh_rewrite *w, uint64_t first, const uint8_t *records,
+                                  size_t n)
+{
+	const size_t size = wh_rewrite_record(w);
+	if (size == 0)
+		return WH_OK;
+	return wh_spill_pwrite(c, w->spill, w->fd, records, n * size,
+	                       w->source.abase + first * size);
 }
 
 wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)

@@ -2,20 +2,21 @@
  * rewrite: a body that cannot be read in place becomes a temporary file of fixed strides.
  *
  * What the three ways of rewriting (binary, text by lines, text by words) share. Internal to the
- * normalise module. The temporary file begins with the vertices (three floats or doubles each),
- * unless they can be read from the user's file; then triangles of three 32- or 64-bit indices, in
- * the host's byte order and the file's order.
+ * normalise module. The temporary file begins with the vertices (three floats or doubles each) and
+ * the records of their attributes, if any, unless they can be read from the user's file; then
+ * triangles of three 32- or 64-bit indices, in the host's byte order and the file's order.
  */
 #ifndef WH_PIPELINE_REWRITE_H
 #define WH_PIPELINE_REWRITE_H
 
 #include "exec/exec.h"
-#include "io/ply.h"
+#include "io/attributes.h"
 #include "io/spill.h"
 #include "pipeline/facer.h"
 
 typedef struct wh_rewrite {
 	const wh_ply *ply;
+	const wh_attributes *attributes; /* NULL: none */
 	const wh_exec *ex;
 	wh_spill *spill;
 	int fd;            /* the temporary file */
@@ -29,7 +30,7 @@ typedef struct wh_rewrite {
 
 /* Makes the temporary file. The vertices will be in it, at its beginning. */
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply);
+                        const wh_ply *ply, const wh_attributes *attributes);
 /* Forgets what was written: for a second try in another way. */
 void wh_rewrite_restart(wh_rewrite *w);
 /* Some coordinate tells more than a float holds: the next try is with doubles. Thread-safe. */
@@ -45,6 +46,24 @@ void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base);
 /* Writes n vertices from number `first` on; the doubles are destroyed. WH_E_INPUT when one does
  * not fit the output's type or is not finite (see wh_rewrite_bad_vertex). Thread-safe. */
 wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n);
+/* Writes the records of their attributes; does nothing where there are none. Thread-safe. */
+wh_code wh_rewrite_put_attributes(wh_ctx *c, wh_rewrite *w, uint64_t first, const uint8_t *records,
+                                  size_t n);
+
+/* Bytes of a record; 0 where there are no attributes. */
+static inline size_t wh_rewrite_record(const wh_rewrite *w)
+{
+	return w->attributes ? w->attributes->bytes : 0;
+}
+
+enum { WH_REWRITE_BATCH = 8192 };
+
+/* Vertices written at a time, so that their records take two MiB at most. */
+static inline size_t wh_rewrite_batch(const wh_rewrite *w)
+{
+	const size_t most = ((size_t)2 << 20) / (wh_rewrite_record(w) + 1);
+	return most < WH_REWRITE_BATCH ? most : WH_REWRITE_BATCH;
+}
 
 /* All vertices are written; triangles come next, the facers are empty. */
 wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w);

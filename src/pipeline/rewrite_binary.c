@@ -17,9 +17,8 @@
 #include <stdio.h>
 
 enum {
-	CHUNK = 1 << 20,     /* bytes of faces decoded by one job */
-	VERTEX_BATCH = 8192, /* vertices with lists written at a time */
-	TAKE_FROM = 1 << 16  /* triangles of a streamed list written at a time */
+	CHUNK = 1 << 20,    /* bytes of faces decoded by one job */
+	TAKE_FROM = 1 << 16 /* triangles of a streamed list written at a time */
 };
 
 /* --- how an element's items are laid out --- */
@@ -135,60 +134,75 @@ static wh_code hop_all(wh_ctx *c, const layout *l, wh_window *w, uint64_t *at)
 
 /* --- vertices that hold lists --- */
 
-/* Reads a coordinate of the item at `at`: its property lies behind other scalars and lists. */
-static wh_code read_scalar(wh_ctx *c, const layout *l, wh_window *w, uint64_t at, int prop,
-                           double *v)
+/* Vertices on their way to the temporary file. */
+typedef struct batch {
+	double *xyz;
+	uint8_t *records; /* of their attributes */
+} batch;
+
+/* Takes scalar number `prop` of a vertex, if it is anything that is wanted. */
+static void take_scalar(const wh_rewrite *rw, const layout *l, int prop, const unsigned char *p,
+                        const batch *b, size_t i)
 {
-	for (int i = 0; i < prop; i++) {
-		const wh_ply_prop *q = &l->elem->props[i];
-		const uint32_t size = wh_type_size(q->type);
-		if (!q->is_list) {
-			at += size;
-			continue;
-		}
-		const uint32_t count_size = wh_type_size(q->count_type);
-		const unsigned char *p = wh_window_at(c, w, at, count_size);
+	const wh_ply *ply = rw->ply;
+	const int axis = prop == ply->x ? 0 : prop == ply->y ? 1 : prop == ply->z ? 2 : -1;
+	const wh_attribute *a = axis < 0 ? wh_attributes_find(rw->attributes, prop) : NULL;
+	if (axis >= 0)
+		b->xyz[3 * i + (size_t)axis] = wh_load_real(p, l->elem->props[prop].type, l->swap);
+	if (a)
+		wh_attribute_load(a, p, l->swap, b->records + i * rw->attributes->bytes);
+}
+
+/* Reads the scalars of the item at `at`, which was hopped over: they lie between lists. */
+static wh_code read_vertex(wh_ctx *c, const wh_rewrite *rw, const layout *l, wh_window *w,
+                           uint64_t at, const batch *b, size_t i)
+{
+	for (int k = 0; k < (int)l->elem->nprops; k++) {
+		const wh_ply_prop *q = &l->elem->props[k];
+		const uint32_t size = wh_type_size(q->is_list ? q->count_type : q->type);
+		const unsigned char *p = wh_window_at(c, w, at, size);
 		if (!p)
 			return c->err.code;
-		at += count_size + wh_load_integer(p, q->count_type, l->swap) * size;
+		at += size;
+		if (q->is_list)
+			at += wh_load_integer(p, q->count_type, l->swap) * wh_type_size(q->type);
+		else
+			take_scalar(rw, l, k, p, b, i);
 	}
-	const wh_type type = l->elem->props[prop].type;
-	const unsigned char *p = wh_window_at(c, w, at, wh_type_size(type));
-	if (!p)
-		return c->err.code;
-	*v = wh_load_real(p, type, l->swap);
 	return WH_OK;
 }
 
 static wh_code read_batch(wh_ctx *c, wh_rewrite *rw, const layout *l, wh_window *w, uint64_t *at,
-                          uint64_t first, size_t n, double *xyz)
+                          uint64_t first, size_t n, const batch *b)
 {
-	const int prop[3] = {rw->ply->x, rw->ply->y, rw->ply->z};
 	list none;
 	for (size_t i = 0; i < n; i++) {
 		const uint64_t start = *at;
-		if (hop(c, l, w, first + i, at, &none) != WH_OK)
+		if (hop(c, l, w, first + i, at, &none) != WH_OK ||
+		    read_vertex(c, rw, l, w, start, b, i) != WH_OK)
 			return c->err.code;
-		for (size_t k = 0; k < 3; k++)
-			if (read_scalar(c, l, w, start, prop[k], &xyz[3 * i + k]) != WH_OK)
-				return c->err.code;
 	}
-	return wh_rewrite_put_vertices(c, rw, first, xyz, n);
+	if (wh_rewrite_put_vertices(c, rw, first, b->xyz, n) != WH_OK)
+		return c->err.code;
+	return wh_rewrite_put_attributes(c, rw, first, b->records, n);
 }
 
 static wh_code write_vertices(wh_ctx *c, wh_rewrite *rw, const layout *l, wh_window *w,
                               uint64_t *at)
 {
 	wh_code code = WH_OK;
-	double *xyz = wh_alloc(c, VERTEX_BATCH, 3 * sizeof *xyz);
-	if (!xyz)
-		return c->err.code;
-	for (uint64_t i = 0; i < l->elem->count && code == WH_OK; i += VERTEX_BATCH) {
+	const size_t most = wh_rewrite_batch(rw);
+	batch b = {.xyz = wh_alloc(c, most, 3 * sizeof *b.xyz),
+	           .records = wh_alloc(c, most, wh_rewrite_record(rw))};
+	if (!b.xyz || !b.records)
+		code = c->err.code;
+	for (uint64_t i = 0; i < l->elem->count && code == WH_OK; i += most) {
 		const uint64_t left = l->elem->count - i;
-		const size_t n = left < VERTEX_BATCH ? (size_t)left : VERTEX_BATCH;
-		code = read_batch(c, rw, l, w, at, i, n, xyz);
+		const size_t n = left < most ? (size_t)left : most;
+		code = read_batch(c, rw, l, w, at, i, n, &b);
 	}
-	wh_free(c, xyz);
+	wh_free(c, b.records);
+	wh_free(c, b.xyz);
 	return code;
 }
 

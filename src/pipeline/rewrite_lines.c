@@ -39,7 +39,15 @@ typedef struct chunk {
 } chunk;
 
 /* What is done with a property of an item. */
-typedef enum action { SKIP, TAKE_X, TAKE_Y, TAKE_Z, SKIP_LIST, TAKE_CORNERS } action;
+typedef enum action {
+	SKIP,
+	TAKE_X,
+	TAKE_Y,
+	TAKE_Z,
+	TAKE_ATTRIBUTE,
+	SKIP_LIST,
+	TAKE_CORNERS
+} action;
 
 typedef struct element {
 	uint64_t first, end; /* lines */
@@ -57,6 +65,8 @@ typedef struct scratch {
 	bool wide; /* some coordinate needs a double */
 	double *xyz;
 	size_t xyz_cap;
+	uint8_t *records; /* attributes */
+	size_t records_cap;
 	uint64_t *ids;
 	size_t ids_cap;
 } scratch;
@@ -138,12 +148,15 @@ static uint64_t number_lines(job *j)
 
 /* --- elements --- */
 
-static action action_of(const wh_ply *p, int elem, int prop)
+static action action_of(const wh_rewrite *rw, int elem, int prop)
 {
+	const wh_ply *p = rw->ply;
 	if (p->elems[elem].props[prop].is_list)
 		return prop == wh_corner_list(p, elem) ? TAKE_CORNERS : SKIP_LIST;
 	if (elem != p->vertex)
 		return SKIP;
+	if (wh_attributes_find(rw->attributes, prop))
+		return TAKE_ATTRIBUTE;
 	return prop == p->x ? TAKE_X : prop == p->y ? TAKE_Y : prop == p->z ? TAKE_Z : SKIP;
 }
 
@@ -164,7 +177,7 @@ static wh_code plan_elements(wh_ctx *c, job *j, uint64_t *total)
 		if (!e->actions)
 			return c->err.code;
 		for (size_t k = 0; k < e->nprops; k++)
-			e->actions[k] = action_of(p, (int)i, (int)k);
+			e->actions[k] = action_of(j->rw, (int)i, (int)k);
 	}
 	return WH_OK;
 }
@@ -217,11 +230,12 @@ static bool line_ends(const job *j, const char *s)
 	return j->lenient || *skip_blanks(s, j->eol) == j->eol;
 }
 
-/* Parses a line of any element; takes coordinates into xyz[3] and corners into w->ids. False:
- * not as expected. */
+/* Parses a line of any element; takes coordinates into xyz[3], attributes into `record`, corners
+ * into w->ids. False: not as expected. */
 static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
-                      double *xyz, uint64_t *corners)
+                      double *xyz, uint8_t *record, uint64_t *corners)
 {
+	const wh_attribute *next = j->rw->attributes ? j->rw->attributes->item : NULL;
 	for (size_t i = 0; i < e->nprops && s; i++) {
 		const action a = e->actions[i];
 		uint64_t n;
@@ -232,6 +246,9 @@ static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, 
 			s = *s == j->eol    ? NULL
 			    : j->undeclared ? wh_scan_decimal(s, &xyz[a - TAKE_X], &w->wide)
 			                    : wh_scan_real(s, &xyz[a - TAKE_X]);
+		} else if (a == TAKE_ATTRIBUTE) {
+			s = skip_blanks(s, j->eol);
+			s = *s == j->eol ? NULL : wh_attribute_scan(next++, s, record);
 		} else {
 			s = scan_count(s, j->eol, &n);
 			if (s && a == SKIP_LIST) {
@@ -264,7 +281,7 @@ static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *
 {
 	double unused[3];
 	uint64_t n = 0;
-	if (!scan_line(c, j, e, s, w, unused, &n))
+	if (!scan_line(c, j, e, s, w, unused, NULL, &n))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	if (e->strip)
 		return add_strip(c, j, f, w->ids, n);
@@ -279,9 +296,12 @@ static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char
                            size_t at)
 {
 	uint64_t unused;
-	if (wh_reserve(c, &w->xyz, &w->xyz_cap, 3 * at + 3, sizeof *w->xyz) != WH_OK)
+	const size_t size = wh_rewrite_record(j->rw);
+	if (wh_reserve(c, &w->xyz, &w->xyz_cap, 3 * at + 3, sizeof *w->xyz) != WH_OK ||
+	    wh_reserve(c, &w->records, &w->records_cap, (at + 1) * size, 1) != WH_OK)
 		return c->err.code;
-	if (!scan_line(c, j, e, s, w, w->xyz + 3 * at, &unused))
+	if (!scan_line(c, j, e, s, w, w->xyz + 3 * at, size ? w->records + at * size : NULL,
+	               &unused))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	for (size_t k = 0; k < 3; k++) {
 		const double v = w->xyz[3 * at + k];
@@ -295,7 +315,7 @@ static wh_code other_line(wh_ctx *c, const job *j, const element *e, const char 
 {
 	double unused[3];
 	uint64_t none;
-	if (!scan_line(c, j, e, s, w, unused, &none))
+	if (!scan_line(c, j, e, s, w, unused, NULL, &none))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	return WH_OK;
 }
@@ -400,7 +420,9 @@ static wh_code do_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 		wh_rewrite_widen(j->rw);
 		return WH_E_IRREGULAR;
 	}
-	return wh_rewrite_put_vertices(c, j->rw, k.first_vertex, w->xyz, k.vertices);
+	if (wh_rewrite_put_vertices(c, j->rw, k.first_vertex, w->xyz, k.vertices) != WH_OK)
+		return c->err.code;
+	return wh_rewrite_put_attributes(c, j->rw, k.first_vertex, w->records, k.vertices);
 }
 
 static wh_code take_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -441,6 +463,7 @@ static void close_job(wh_ctx *c, job *j)
 	for (int i = 0; j->scratch && i < j->rw->ex->workers; i++) {
 		wh_free(c, j->scratch[i].text);
 		wh_free(c, j->scratch[i].xyz);
+		wh_free(c, j->scratch[i].records);
 		wh_free(c, j->scratch[i].ids);
 	}
 	wh_free(c, j->elements);

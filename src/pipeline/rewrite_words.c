@@ -15,7 +15,6 @@
 
 enum {
 	WINDOW = 1 << 20,   /* bytes of text; no word may be longer */
-	BATCH = 8192,       /* vertices written at a time */
 	TAKE_FROM = 1 << 16 /* triangles written at a time */
 };
 
@@ -30,8 +29,10 @@ typedef struct reader {
 	uint64_t item;
 	uint64_t *ids; /* corners of the face at hand */
 	size_t ids_cap;
-	double *xyz; /* BATCH vertices */
-	bool wide;   /* some coordinate needs a double */
+	bool wide;        /* some coordinate needs a double */
+	size_t batch;     /* vertices written at a time */
+	double *xyz;      /* of these */
+	uint8_t *records; /* attributes of these */
 } reader;
 
 /* --- words --- */
@@ -195,12 +196,27 @@ static wh_code skip_property(wh_ctx *c, reader *r, const wh_ply_prop *q)
 	return skip_words(c, r, n);
 }
 
-static wh_code read_vertex(wh_ctx *c, reader *r, double xyz[3])
+static wh_code read_attribute(wh_ctx *c, reader *r, const wh_attribute *a, uint8_t *record)
+{
+	const char *word = next_word(c, r);
+	if (!word)
+		return c->err.code;
+	return wh_attribute_scan(a, word, record)
+	           ? WH_OK
+	           : bad_word(c, r, word, "a number (--attributes leaves properties out)");
+}
+
+/* Vertex k of the batch. */
+static wh_code read_vertex(wh_ctx *c, reader *r, size_t k)
 {
 	const wh_ply *p = r->rw->ply;
+	double *xyz = r->xyz + 3 * k;
+	uint8_t *record = r->records + k * wh_rewrite_record(r->rw);
 	for (int i = 0; i < (int)r->elem->nprops; i++) {
 		const int axis = i == p->x ? 0 : i == p->y ? 1 : i == p->z ? 2 : -1;
+		const wh_attribute *a = axis >= 0 ? NULL : wh_attributes_find(r->rw->attributes, i);
 		const wh_code code = axis >= 0 ? read_real(c, r, &xyz[axis])
+		                     : a       ? read_attribute(c, r, a, record)
 		                               : skip_property(c, r, &r->elem->props[i]);
 		if (code != WH_OK)
 			return code;
@@ -213,7 +229,7 @@ static wh_code read_vertices(wh_ctx *c, reader *r)
 	uint64_t first = 0;
 	for (r->item = 0; r->item < r->elem->count; r->item++) {
 		const size_t k = (size_t)(r->item - first);
-		if (read_vertex(c, r, r->xyz + 3 * k) != WH_OK)
+		if (read_vertex(c, r, k) != WH_OK)
 			return c->err.code;
 		if (r->wide) {
 			wh_rewrite_widen(r->rw);
@@ -221,9 +237,10 @@ static wh_code read_vertices(wh_ctx *c, reader *r)
 		}
 		if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
 			return c->err.code;
-		if (k + 1 < BATCH && r->item + 1 < r->elem->count)
+		if (k + 1 < r->batch && r->item + 1 < r->elem->count)
 			continue;
-		if (wh_rewrite_put_vertices(c, r->rw, first, r->xyz, k + 1) != WH_OK)
+		if (wh_rewrite_put_vertices(c, r->rw, first, r->xyz, k + 1) != WH_OK ||
+		    wh_rewrite_put_attributes(c, r->rw, first, r->records, k + 1) != WH_OK)
 			return c->err.code;
 		first = r->item + 1;
 	}
@@ -338,13 +355,17 @@ wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *rw)
 	reader r = {.rw = rw};
 	wh_rewrite_restart(rw);
 	r.text = wh_alloc(c, WINDOW + 1, 1);
-	r.xyz = wh_alloc(c, BATCH, 3 * sizeof *r.xyz);
-	wh_code code = r.text && r.xyz ? run_pass(c, &r, false, p->vertex) : wh_failed(c);
+	r.batch = wh_rewrite_batch(rw);
+	r.xyz = wh_alloc(c, r.batch, 3 * sizeof *r.xyz);
+	r.records = wh_alloc(c, r.batch, wh_rewrite_record(rw));
+	wh_code code =
+	    r.text && r.xyz && r.records ? run_pass(c, &r, false, p->vertex) : wh_failed(c);
 	if (code == WH_OK)
 		code = wh_rewrite_start_faces(c, rw);
 	if (code == WH_OK)
 		code = run_pass(c, &r, true, p->face > p->strips ? p->face : p->strips);
 	wh_free(c, r.ids);
+	wh_free(c, r.records);
 	wh_free(c, r.xyz);
 	wh_free(c, r.text);
 	return code;

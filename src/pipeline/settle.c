@@ -134,6 +134,7 @@ static wh_code perform(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t faces, 
 	                    .id_bytes = s->from->id_bytes,
 	                    .coord_bytes = s->from->coord_bytes,
 	                    .vertex_payload = sizeof(float),
+	                    .attr_bytes = s->from->attr_bytes,
 	                    .local_corners = true};
 	if (wh_exec_for(c, ex, s->from->clusters, perform_job, s) != WH_OK)
 		return c->err.code;
@@ -168,6 +169,8 @@ static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t max
 	s->share = wh_calloc(c, n, sizeof *s->share);
 	s->part = wh_calloc(c, n, sizeof *s->part);
 	s->open = wh_calloc(c, n, sizeof *s->open);
+	for (int i = 0; s->rerun && i < ex->workers; i++)
+		s->rerun[i].attr_bytes = s->from->attr_bytes;
 	return c->err.code;
 }
 

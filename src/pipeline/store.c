@@ -11,18 +11,19 @@
 #include <xxhash.h>
 
 enum {
-	VERSION = 2,
+	VERSION = 3,
 	NAME_BYTES = 64,
 	SAVE_BUFFER = 256 * 1024,
 	BATCH = 256,             /* vertices encoded at a time */
-	VERTEX_MOST = 8 + 24 + 4 /* bytes of a vertex */
+	VERTEX_MOST = 8 + 24 + 4 /* bytes of a vertex without attributes */
 };
 static const char MAGIC[8] = {'W', 'H', 'C', 'L', 'U', 'S', 'T', '1'};
 
 typedef struct header {
 	char magic[8];
 	uint32_t version, id_bytes, coord_bytes, vertex_payload, corner_payload, local_corners;
-	uint64_t faces, vertices, checksum, zero;
+	uint64_t faces, vertices, checksum;
+	uint32_t attr_bytes, zero;
 } header;
 
 _Static_assert(sizeof(header) == 64, "the header has the documented size");
@@ -122,7 +123,8 @@ wh_code wh_store_commit(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store
 		            .local_corners = s->local_corners,
 		            .faces = w->faces,
 		            .vertices = w->vertices,
-		            .checksum = XXH3_64bits_digest(w->hash)};
+		            .checksum = XXH3_64bits_digest(w->hash),
+		            .attr_bytes = s->attr_bytes};
 		memcpy(h.magic, MAGIC, sizeof MAGIC);
 		code = write_at(c, s, cluster, &h, sizeof h, 0);
 	}
@@ -142,6 +144,22 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w)
 	wh_free(c, w->hash);
 	w->buf = NULL;
 	w->hash = NULL;
+}
+
+/* With attributes, which may be long, vertices go one by one. */
+static wh_code save_with_attributes(wh_ctx *c, const wh_store *s, uint32_t cluster,
+                                    wh_store_writer *w, const wh_patch *p)
+{
+	uint8_t one[VERTEX_MOST];
+	for (uint32_t v = 0; v < p->nv; v++) {
+		const uint8_t *end =
+		    wh_store_put_vertex(s, one, p->gid[v], p->flag[v], p->pos[v], p->err[v]);
+		if (wh_store_append(c, s, cluster, w, one, (size_t)(end - one)) != WH_OK ||
+		    wh_store_append(c, s, cluster, w, wh_patch_attr(p, v), p->attr_bytes) != WH_OK)
+			return c->err.code;
+	}
+	w->vertices = p->nv;
+	return WH_OK;
 }
 
 static wh_code save_vertices(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
@@ -168,7 +186,8 @@ wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_p
 		return c->err.code;
 	w.faces = p->nf;
 	if (wh_store_append(c, s, cluster, &w, p->tri, 3 * sizeof *p->tri * p->nf) != WH_OK ||
-	    save_vertices(c, s, cluster, &w, p) != WH_OK) {
+	    (s->attr_bytes ? save_with_attributes(c, s, cluster, &w, p)
+	                   : save_vertices(c, s, cluster, &w, p)) != WH_OK) {
 		wh_store_drop(c, &w);
 		return c->err.code;
 	}
@@ -209,9 +228,9 @@ static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *nam
 		return c->err.code;
 	if (memcmp(h->magic, MAGIC, sizeof MAGIC) != 0 || h->version != VERSION ||
 	    h->id_bytes != s->id_bytes || h->coord_bytes != s->coord_bytes ||
-	    h->vertex_payload != s->vertex_payload || h->corner_payload != 0 ||
-	    h->local_corners != s->local_corners || h->zero != 0 || h->faces >= UINT32_MAX / 3 ||
-	    h->vertices >= UINT32_MAX)
+	    h->vertex_payload != s->vertex_payload || h->attr_bytes != s->attr_bytes ||
+	    h->corner_payload != 0 || h->local_corners != s->local_corners || h->zero != 0 ||
+	    h->faces >= UINT32_MAX / 3 || h->vertices >= UINT32_MAX)
 		return damaged(c, s, name);
 	return WH_OK;
 }
@@ -295,7 +314,7 @@ static inline void put_vertices(const wh_store *s, const uint8_t *records, uint3
 		const uint64_t gid = record_gid(records, s->id_bytes, &flag);
 		float err = 0;
 		if (s->vertex_payload)
-			memcpy(&err, records + size - 4, 4);
+			memcpy(&err, records + size - s->attr_bytes - 4, 4);
 		if (places) {
 			(void)wh_places_find(places, gid, &v);
 			if (!(p->flag[v] & ABSENT)) {
@@ -307,6 +326,8 @@ static inline void put_vertices(const wh_store *s, const uint8_t *records, uint3
 		p->flag[v] = flag;
 		p->pos[v] = record_position(records + s->id_bytes, s->coord_bytes);
 		p->err[v] = err;
+		if (s->attr_bytes)
+			memcpy(wh_patch_attr(p, v), records + size - s->attr_bytes, s->attr_bytes);
 	}
 }
 
@@ -314,7 +335,7 @@ static void put_vertices_of(const wh_store *s, const uint8_t *records, uint32_t 
                             const wh_places *places, wh_patch *p)
 {
 	wh_store common = {.id_bytes = 4, .coord_bytes = 4};
-	if (s->id_bytes != 4 || s->coord_bytes != 4) {
+	if (s->id_bytes != 4 || s->coord_bytes != 4 || s->attr_bytes) {
 		put_vertices(s, records, n, places, p);
 	} else if (s->vertex_payload == 0) {
 		put_vertices(&common, records, n, places, p);
@@ -428,6 +449,7 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
                       wh_patch *p)
 {
 	header h;
+	p->attr_bytes = s->attr_bytes;
 	if (read_whole(c, s, cluster, scratch, &h) != WH_OK ||
 	    wh_patch_reset(c, p, (uint32_t)h.vertices, (uint32_t)h.faces) != WH_OK)
 		return c->err.code;

@@ -6,23 +6,24 @@
  *
  *     offset  bytes  content
  *          0      8  "WHCLUST1"
- *          8      4  version of the layout: 2
+ *          8      4  version of the layout: 3
  *         12      4  bytes of a global id: 4 or 8
  *         16      4  bytes of a coordinate: 4 or 8
- *         20      4  bytes of payload a vertex carries after its position (the error bound: 0 or 4)
+ *         20      4  bytes of the error bound that a vertex carries after its position: 0 or 4
  *         24      4  bytes of payload a face corner carries: 0
  *         28      4  1: corners are positions in this file's vertex list; 0: global ids
  *         32      8  faces
  *         40      8  vertices
  *         48      8  XXH3 of everything after the header
- *         56      8  zero
+ *         56      4  bytes of attributes that a vertex carries after that (io/attributes.h)
+ *         60      4  zero
  *         64         faces: three corners each
  *                    vertices: global id (top bit: cut vertex, next bit: never free so far),
- *                    x, y, z, payload
+ *                    x, y, z, error bound, attributes
  *
  * With global ids as corners, vertices may repeat and come in any order; else they ascend. Every
  * id that a face uses is there. A cut vertex has the same id and position in every file that holds
- * it; its error bound may differ, and the largest holds.
+ * it, and the same attributes; its error bound may differ, and the largest holds.
  */
 #ifndef WH_PIPELINE_STORE_H
 #define WH_PIPELINE_STORE_H
@@ -38,9 +39,10 @@ typedef struct wh_store {
 	wh_spill *spill;
 	uint32_t generation; /* a fresh number for every store of a run: part of its files' names */
 	uint32_t clusters;
-	uint32_t id_bytes;    /* 4 while all ids are below 2^30 */
-	uint32_t coord_bytes; /* 4: positions are floats */
-	uint32_t vertex_payload;
+	uint32_t id_bytes;       /* 4 while all ids are below 2^30 */
+	uint32_t coord_bytes;    /* 4: positions are floats */
+	uint32_t vertex_payload; /* bytes of the error bound */
+	uint32_t attr_bytes;     /* of a vertex */
 	bool local_corners;
 } wh_store;
 
@@ -72,7 +74,7 @@ void wh_store_drop(wh_ctx *c, wh_store_writer *w);
 /* Bytes of a vertex record. */
 static inline size_t wh_store_vertex_bytes(const wh_store *s)
 {
-	return s->id_bytes + 3 * (size_t)s->coord_bytes + s->vertex_payload;
+	return s->id_bytes + 3 * (size_t)s->coord_bytes + s->vertex_payload + s->attr_bytes;
 }
 
 /* Bytes of a face. */
@@ -96,7 +98,8 @@ static inline uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const u
 	return at + 3 * sizeof *gid;
 }
 
-/* Encodes one vertex record; of the flags, WH_CUT and WH_NEVER. Returns the byte after it. */
+/* Encodes one vertex record but for the attributes, which come next; of the flags, WH_CUT and
+ * WH_NEVER. Returns the byte after it. */
 static inline uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint64_t gid,
                                            uint8_t flag, wh_vec3 pos, float err)
 {

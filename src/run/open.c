@@ -40,10 +40,13 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	if (wh_input_open(r->c, &ex, &r->spill, r->params->input, r->from, rewrite, &r->input) !=
-	    WH_OK)
+	if (wh_input_open_with(r->c, &ex, &r->spill, r->params->input, r->from, rewrite,
+	                       wh_run_attributes(r), &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
+	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
+	    WH_OK)
+		return r->c->err.code;
 	wh_reduce_report *t = r->report;
 	t->input_bytes = r->input.file_bytes;
 	t->input_vertices = r->input.source.nv;
@@ -55,17 +58,48 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 	return WH_OK;
 }
 
-/* Appends a name to the list of what is dropped; a list too long ends in "...". */
-static void note_dropped(wh_reduce_report *t, const char *name)
+/* Appends a name to a list of so many bytes; a list too long ends in "...". */
+static void note_name(char *list, size_t size, const char *name)
 {
-	const size_t used = strlen(t->dropped), room = sizeof t->dropped - used;
+	const size_t used = strlen(list), room = size - used;
+	if (used >= 3 && strcmp(list + used - 3, "...") == 0)
+		return;
 	if (strlen(name) + sizeof ", ..." < room)
-		(void)snprintf(t->dropped + used, room, "%s%s", used ? ", " : "", name);
-	else if (used < 3 || strcmp(t->dropped + used - 3, "...") != 0)
-		(void)snprintf(t->dropped + used, room, ", ...");
+		(void)snprintf(list + used, room, "%s%s", used ? ", " : "", name);
+	else
+		(void)snprintf(list + used, room, "%s...", used ? ", " : "");
 }
 
-/* Positions and triangles are carried over; everything else the file holds is named. */
+static void note_dropped(wh_reduce_report *t, const char *name)
+{
+	note_name(t->dropped, sizeof t->dropped, name);
+}
+
+/* Appends the names of the attributes of a kind, and the kind. */
+static void note_carried(wh_reduce_report *t, const wh_attributes *a, wh_kind kind)
+{
+	uint32_t left = 0;
+	for (uint32_t i = 0; i < a->n; i++)
+		left += a->item[i].kind == kind;
+	for (uint32_t i = 0; left > 0 && i < a->n; i++) {
+		if (a->item[i].kind != kind)
+			continue;
+		char name[300];
+		(void)snprintf(name, sizeof name, --left ? "%.250s" : "%.250s (%s)",
+		               a->item[i].name, wh_kind_name(kind));
+		note_name(t->carried, sizeof t->carried, name);
+	}
+}
+
+/* Is this property of the vertices in the result? */
+static bool is_kept(const wh_run *r, int prop)
+{
+	const wh_ply *p = &r->input.ply;
+	return prop == p->x || prop == p->y || prop == p->z ||
+	       wh_attributes_find(&r->input.attributes, prop);
+}
+
+/* What is carried over is named with its kind; so is everything else the file holds. */
 void wh_run_list_dropped(wh_run *r)
 {
 	const wh_ply *p = &r->input.ply;
@@ -75,12 +109,14 @@ void wh_run_list_dropped(wh_run *r)
 		if (!vertex && !face && (int)i != p->strips)
 			note_dropped(r->report, e->name);
 		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
-			if (vertex ? k != p->x && k != p->y && k != p->z : k != p->corners)
+			if (vertex ? !is_kept(r, k) : k != p->corners)
 				note_dropped(r->report, e->props[k].name);
 	}
 	if (r->input.source.is_double && !r->params->ascii &&
 	    (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
 		note_dropped(r->report, "double precision");
+	for (int kind = 0; kind < WH_KINDS; kind++)
+		note_carried(r->report, &r->input.attributes, (wh_kind)kind);
 }
 
 static wh_plan make_plan(const wh_run *r)
@@ -127,6 +163,8 @@ static void count_input_reads(wh_run *r)
 {
 	const wh_source *s = &r->input.source;
 	r->report->bytes_read += 3 * s->nv * s->vstride + r->ingest.face_reads * s->fstride;
+	if (s->attributes)
+		r->report->bytes_read += s->nv * (s->afd < 0 ? s->vstride : s->attributes->bytes);
 }
 
 wh_code wh_run_ingest(wh_run *r)

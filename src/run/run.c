@@ -132,10 +132,17 @@ uint64_t wh_run_vertices(const wh_run *r)
 	       (uint64_t)r->work.vertices;
 }
 
+const char *wh_run_attributes(const wh_run *r)
+{
+	return r->to == WH_FORMAT_PLY || r->to == WH_FORMAT_ANY ? r->params->attributes : "none";
+}
+
 wh_ply_style wh_run_style(const wh_run *r)
 {
-	return (wh_ply_style){
-	    .ascii = r->params->ascii, .is_double = r->input.source.is_double, .format = r->to};
+	return (wh_ply_style){.ascii = r->params->ascii,
+	                      .is_double = r->input.source.is_double,
+	                      .format = r->to,
+	                      .attributes = r->input.source.attributes};
 }
 
 wh_simplify_params wh_run_engine(const wh_run *r)
@@ -146,7 +153,9 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .free_topology = r->params->simplify_topology,
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
-	                            .step = r->ingest.step};
+	                            .step = r->ingest.step,
+	                            .attributes = r->input.source.attributes,
+	                            .attribute_unit = r->report->diagonal * r->ingest.scale / 100};
 }
 
 void wh_run_note_unreferenced(wh_run *r, uint64_t n)

@@ -1,0 +1,125 @@
+/*
+ * attributes: the vertex properties that are carried beside positions, and their form on the way.
+ *
+ * Of a file's scalar vertex properties some are chosen (all, or by name). Each has a kind, which
+ * says how the value of a new vertex is made of those around it, and a form, in which it lies in
+ * the record that every vertex carries from ingest to output:
+ *
+ *     kind      what                                       new values
+ *     colour    red, green, blue, alpha, r, g, b, with or  averaged
+ *               without diffuse_ or the like in front
+ *     normal    nx, ny, nz and normal_x .. of real types   averaged, lengths kept: unit stays unit
+ *     texture   s, t, u, v, texture_u ...                  averaged
+ *     scalar    any other real; whole numbers that are     averaged
+ *               called quality, confidence, intensity ...
+ *     label     any other whole number; reals that are     taken from one vertex, never averaged
+ *               called label, classification ...
+ *
+ *     form      of                                         bytes
+ *     fixed     averaged 8-bit numbers, in 256ths          2
+ *     float     averaged 16-bit numbers, floats            4
+ *     double    averaged 32- and 64-bit numbers, doubles   8
+ *     whole     labels of whole numbers                    those of the type
+ *
+ * A value that is never averaged comes out with the bits it went in with, however often it is
+ * copied. Records are in the byte order of the machine, without gaps.
+ */
+#ifndef WH_IO_ATTRIBUTES_H
+#define WH_IO_ATTRIBUTES_H
+
+#include "io/ply_value.h"
+
+typedef enum wh_kind {
+	WH_KIND_COLOUR,
+	WH_KIND_NORMAL,
+	WH_KIND_TEXTURE,
+	WH_KIND_SCALAR,
+	WH_KIND_LABEL,
+	WH_KINDS
+} wh_kind;
+
+/* Its name, for reports. */
+const char *wh_kind_name(wh_kind kind);
+
+typedef enum wh_form { WH_FORM_FIXED, WH_FORM_FLOAT, WH_FORM_DOUBLE, WH_FORM_WHOLE } wh_form;
+
+typedef struct wh_attribute {
+	const char *name; /* the header's */
+	wh_type type;     /* in the file, and in the output */
+	wh_kind kind;
+	wh_form form;
+	int prop;         /* its place among the properties of the element */
+	uint32_t at;      /* where it is in a record */
+	uint32_t file_at; /* where it is in a binary vertex without lists */
+	double weight;    /* in the cost of collapses, of a difference of 1; 0: none */
+} wh_attribute;
+
+enum { WH_MOST_ATTRIBUTES = 1024 };
+
+typedef struct wh_attributes {
+	wh_attribute *item; /* in the order of the file */
+	uint32_t n;
+	uint32_t bytes;      /* of a record */
+	uint32_t file_bytes; /* of the values in a binary output */
+	uint32_t before[3];  /* attributes that come before x, y and z in the file, ... */
+	int rank[3];         /* ... and which of x, y and z comes first: they ascend in its order */
+	bool weighted;       /* one of them has a weight */
+	bool has_normal, has_rgb;
+	uint32_t normal[3]; /* places of nx, ny and nz when has_normal: all three are carried */
+	uint32_t rgb[3];    /* the same of red, green and blue */
+} wh_attributes;
+
+/*
+ * Chooses among the vertex properties of p, which must stay open as long as *a is in use. `wanted`:
+ * NULL or "all"; "none"; or names with commas between them, where colour, normal and texture stand
+ * for all of that kind that there are. WH_E_USAGE for any other name that the file does not have,
+ * or more than WH_MOST_ATTRIBUTES.
+ */
+wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_attributes *a);
+void wh_attributes_free(wh_ctx *c, wh_attributes *a);
+
+/*
+ * Sets weights: NULL, or NAME=W with commas between them, where colour, normal and texture stand
+ * for all of that kind; the last one that fits holds. W is for a difference of 1 in a value; of
+ * colours, for one as from black to white; of labels, for any. WH_E_USAGE, naming `path`, for a
+ * name that is not carried, or a W that is no number from 0 on.
+ */
+wh_code wh_attributes_weigh(wh_ctx *c, const char *path, const char *weights, wh_attributes *a);
+
+/* What vertex property number `prop` is carried as; NULL when it is not. `a` may be NULL. */
+const wh_attribute *wh_attributes_find(const wh_attributes *a, int prop);
+
+/* Bytes that an attribute takes in a record. */
+static inline uint32_t wh_attribute_bytes(const wh_attribute *a)
+{
+	return a->form == WH_FORM_FIXED   ? 2
+	       : a->form == WH_FORM_FLOAT ? 4
+	       : a->form == WH_FORM_WHOLE ? wh_type_size(a->type)
+	                                  : 8;
+}
+
+/* The value of a colour at its brightest: the greatest whole number of its type, or 1. */
+double wh_type_white(wh_type type);
+
+/* The value in a record as a number; 64-bit labels lose digits. */
+double wh_attribute_get(const wh_attribute *a, const uint8_t *record);
+
+/* Puts a value into a record, rounded and clamped to what the form holds. */
+void wh_attribute_set(const wh_attribute *a, uint8_t *record, double v);
+
+/* The same with a scalar of the file's type, every bit of it. */
+void wh_attribute_load(const wh_attribute *a, const unsigned char *scalar, bool swap,
+                       uint8_t *record);
+
+/* The same with the word at s (io/number.h). Returns the word's end, NULL when it is no number. */
+const char *wh_attribute_scan(const wh_attribute *a, const char *s, uint8_t *record);
+
+/* The value as a scalar of the file's type, little-endian; rounded and clamped to it. Returns the
+ * byte behind it. */
+unsigned char *wh_attribute_store(const wh_attribute *a, const uint8_t *record, unsigned char *to);
+
+/* The same in text, in fewer than WH_ATTRIBUTE_TEXT bytes. */
+enum { WH_ATTRIBUTE_TEXT = 32 };
+char *wh_attribute_print(const wh_attribute *a, const uint8_t *record, char *to);
+
+#endif
