@@ -138,8 +138,8 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 	if (wh_input_look(r->c, r->params->input, r->params->attributes, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
-	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights,
-	                        &r->input.attributes) != WH_OK)
+	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
+	    WH_OK)
 		return r->c->err.code;
 	report->rewritten = src->ffd != ply->fd;
 	report->input_bytes = ply->size;
