@@ -50,5 +50,9 @@ for memory in 96M 160M 512M; do
 	fi
 done
 
+"$WHITTLE" generate -q -o coloured.ply --faces 1M --colors --normals
+holds "coloured sphere to 5 %" 96M coloured.ply --faces 5% --cluster-faces 100k
+holds "the same to 20 %, colours alone" 160M coloured.ply --faces 20% --attributes colour
+
 [ $failures -eq 0 ] || exit 1
 echo "plan: ok"
