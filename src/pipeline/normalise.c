@@ -253,7 +253,7 @@ wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const 
 		return code;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
+		code = choose(c, attributes, in);
 	if (code == WH_OK)
 		code = make_source(c, ex, spill, force_rewrite, in);
 	if (code != WH_OK)
