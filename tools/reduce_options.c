@@ -16,6 +16,8 @@ enum {
 	OPT_MEMORY,
 	OPT_THREADS,
 	OPT_TEMP,
+	OPT_RUN_DIR,
+	OPT_RESUME,
 	OPT_ASCII,
 	OPT_REPORT,
 	OPT_SEAMS,
@@ -38,6 +40,8 @@ static const struct option long_options[] = {
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
+    {"run-dir", required_argument, NULL, OPT_RUN_DIR},
+    {"resume", no_argument, NULL, OPT_RESUME},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
     {"seams", required_argument, NULL, OPT_SEAMS},
@@ -147,6 +151,13 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 	case OPT_TEMP:
 		p->temp_dir = arg;
 		break;
+	case OPT_RUN_DIR:
+		ok = *arg != '\0';
+		p->run_dir = arg;
+		break;
+	case OPT_RESUME:
+		p->resume = true;
+		break;
 	case OPT_ASCII:
 		p->ascii = true;
 		break;
@@ -214,6 +225,8 @@ static const char *expected(int opt)
 		return "a size of 1M or more, such as 512M or 4G";
 	case OPT_THREADS:
 		return "a number from 0 to 1024";
+	case OPT_RUN_DIR:
+		return "the name of a folder";
 	case OPT_CLUSTER:
 		return "0 or a count from 1000 to 100M";
 	case OPT_MICRO:
@@ -269,6 +282,8 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return cmd_usage_error(argv[0], "--json is an option of plan; use --report FILE");
 	if (!o->params.output && !plan)
 		return cmd_usage_error(argv[0], "no output given: add -o FILE");
+	if (o->params.resume && !o->params.run_dir)
+		return cmd_usage_error(argv[0], "--resume needs the --run-dir to go on with");
 	if (!has_limit(&o->params))
 		return cmd_usage_error(
 		    argv[0], "no target given: add --faces, --vertices, --ratio or --error");
