@@ -194,10 +194,14 @@ static void print_quoted(FILE *f, const char *arg)
 }
 
 /* The command that goes on with what this one has done. */
-static void print_how_to_resume(const reduce_options *o, int argc, char **argv)
+static void print_how_to_resume(const reduce_options *o, int argc, char **argv, bool kept)
 {
-	(void)fprintf(stderr, "whittle reduce: what is done is kept in '%s'; to go on:\n  whittle",
-	              o->params.run_dir);
+	if (kept)
+		(void)fprintf(stderr, "whittle reduce: what is done is kept in '%s'; to go on:\n",
+		              o->params.run_dir);
+	else
+		(void)fputs("whittle reduce: nothing was done yet; to start again:\n", stderr);
+	(void)fputs("  whittle", stderr);
 	for (int i = 0; i < argc; i++) {
 		(void)fputc(' ', stderr);
 		print_quoted(stderr, argv[i]);
@@ -236,8 +240,8 @@ int cmd_reduce(int argc, char **argv)
 	progress_bar_end(&bar);
 	if (code != WH_OK && code != WH_E_TARGET) {
 		const int failed = cmd_report_failure(&env);
-		if (report.resumable)
-			print_how_to_resume(&o, argc, argv);
+		if (report.resumable || (o.params.run_dir && code == WH_E_INTERRUPT))
+			print_how_to_resume(&o, argc, argv, report.resumable);
 		return failed;
 	}
 	if (!o.quiet)

@@ -396,7 +396,8 @@ static void tell_state(wh_run *r)
 		(void)snprintf(text, sizeof text, "resumed from the input: nothing was done yet");
 	else
 		(void)snprintf(text, sizeof text,
-		               "resumed: the input is in clusters, and %u rounds are done", rounds);
+		               "resumed: the input is in clusters; rounds that are done: %u",
+		               rounds);
 	notice(r, text);
 }
 
