@@ -7,9 +7,11 @@
 #define _XOPEN_SOURCE 700
 #include "reduce_files.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <sys/wait.h>
 #include <time.h>
 
@@ -40,6 +42,71 @@ static void write_file(const char *path, const char *at, size_t n)
 	assert_int_equal(fwrite(at, 1, n, f), n);
 	assert_int_equal(fclose(f), 0);
 }
+
+/* ---- disks that fill up ------------------------------------------------------------------- */
+
+/* From the call that brings it to 0 on, whatever changes a disk fails; negative: nothing does. */
+static _Atomic long calls_left = -1;
+static _Atomic long calls_seen;
+
+static bool is_full(void)
+{
+	atomic_fetch_add(&calls_seen, 1);
+	const long left = atomic_load(&calls_left);
+	if (left < 0)
+		return false;
+	if (left > 0) {
+		atomic_fetch_sub(&calls_left, 1);
+		return false;
+	}
+	errno = ENOSPC;
+	return true;
+}
+
+/* NOLINTBEGIN(bugprone-reserved-identifier): the linker's names */
+ssize_t __real_pwrite(int fd, const void *buf, size_t n, off_t off);
+ssize_t __real_write(int fd, const void *buf, size_t n);
+int __real_ftruncate(int fd, off_t size);
+int __real_fsync(int fd);
+int __real_renameat(int from_dir, const char *from, int to_dir, const char *to);
+int __real_linkat(int from_dir, const char *from, int to_dir, const char *to, int flags);
+ssize_t __wrap_pwrite(int fd, const void *buf, size_t n, off_t off);
+ssize_t __wrap_write(int fd, const void *buf, size_t n);
+int __wrap_ftruncate(int fd, off_t size);
+int __wrap_fsync(int fd);
+int __wrap_renameat(int from_dir, const char *from, int to_dir, const char *to);
+int __wrap_linkat(int from_dir, const char *from, int to_dir, const char *to, int flags);
+
+ssize_t __wrap_pwrite(int fd, const void *buf, size_t n, off_t off)
+{
+	return is_full() ? -1 : __real_pwrite(fd, buf, n, off);
+}
+
+ssize_t __wrap_write(int fd, const void *buf, size_t n)
+{
+	return is_full() ? -1 : __real_write(fd, buf, n);
+}
+
+int __wrap_ftruncate(int fd, off_t size)
+{
+	return is_full() ? -1 : __real_ftruncate(fd, size);
+}
+
+int __wrap_fsync(int fd)
+{
+	return is_full() ? -1 : __real_fsync(fd);
+}
+
+int __wrap_renameat(int from_dir, const char *from, int to_dir, const char *to)
+{
+	return is_full() ? -1 : __real_renameat(from_dir, from, to_dir, to);
+}
+
+int __wrap_linkat(int from_dir, const char *from, int to_dir, const char *to, int flags)
+{
+	return is_full() ? -1 : __real_linkat(from_dir, from, to_dir, to, flags);
+}
+/* NOLINTEND(bugprone-reserved-identifier) */
 
 /* ---- runs that are stopped ---------------------------------------------------------------- */
 
@@ -195,7 +262,7 @@ static void every_phase_can_be_resumed(void **state)
 		int stopped = 0, resumed = 0;
 		make_trial(&t, (way)w);
 		for (int i = 0; i < t.whole->n; i++) {
-			if (!begins_phase(t.whole, i) && i % 4 != 0)
+			if (!begins_phase(t.whole, i) && i % 6 != 0)
 				continue;
 			if (!stopped_at(&t, i))
 				continue;
@@ -296,6 +363,44 @@ static void seams_are_the_same(void **state)
 	}
 	free(expected.at);
 	drop_trial(&t);
+}
+
+/* Room is made, and the run goes on; the last calls are those that make the output's name last. */
+static void full_disks_can_be_resumed(void **state)
+{
+	(void)state;
+	enum { POINTS = 30 };
+	for (int w = 0; w < WAYS; w++) {
+		trial t;
+		int failed = 0, resumed = 0;
+		make_trial(&t, (way)w);
+		listen(&t, -1);
+		atomic_store(&calls_seen, 0);
+		assert_int_equal(reduce(&t.f), WH_OK);
+		const long calls = atomic_load(&calls_seen);
+		ended_well(&t);
+		for (long i = 0; i <= calls; i += i + 10 < calls ? calls / POINTS : 1) {
+			listen(&t, -1);
+			t.f.params.threads = 1;
+			atomic_store(&calls_left, i);
+			const wh_code code = reduce(&t.f);
+			atomic_store(&calls_left, -1);
+			if (code == WH_OK) {
+				ended_well(&t);
+				continue;
+			}
+			failed++;
+			assert_int_equal(code, WH_E_RUN);
+			assert_int_equal(entries(t.f.temp), 0);
+			resumed += t.f.report.resumable;
+			assert_int_equal(access(t.inside, F_OK), t.f.report.resumable ? 0 : -1);
+			resume(&t, (int)i);
+			ended_well(&t);
+		}
+		if (failed < POINTS / 2 || resumed < POINTS / 4)
+			fail_msg("%d failed, %d resumed", failed, resumed);
+		drop_trial(&t);
+	}
 }
 
 /* ---- damage ------------------------------------------------------------------------------- */
@@ -673,6 +778,7 @@ int main(void)
 	    cmocka_unit_test(a_run_may_be_stopped_many_times),
 	    cmocka_unit_test(reports_are_the_same),
 	    cmocka_unit_test(seams_are_the_same),
+	    cmocka_unit_test(full_disks_can_be_resumed),
 	    cmocka_unit_test(damage_is_found),
 	    cmocka_unit_test(a_damaged_store_is_told),
 	    cmocka_unit_test(other_parameters_are_refused),

@@ -135,6 +135,15 @@ static void close_folder(wh_ctx *c, wh_spill *s)
 	atomic_store(&s->held, 0);
 }
 
+/* Removes a kept folder in which nothing is left, and the one around it. */
+static void remove_empty(wh_spill *s, bool outside)
+{
+	if (rmdir(s->dir) == 0 && outside) {
+		*strrchr(s->dir, '/') = '\0';
+		(void)rmdir(s->dir);
+	}
+}
+
 void wh_spill_close(wh_ctx *c, wh_spill *s)
 {
 	if (!s->dir)
@@ -142,6 +151,7 @@ void wh_spill_close(wh_ctx *c, wh_spill *s)
 	if (s->kept) {
 		char part[WH_SPILL_NAME];
 		look_through(s->dirfd, see_half_done, (void *)wh_spill_part(s, "", part));
+		remove_empty(s, s->made);
 	} else {
 		look_through(s->dirfd, see_and_remove, NULL);
 		(void)rmdir(s->dir);
@@ -206,11 +216,7 @@ void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside)
 	look_through(s->dirfd, see_and_remove, (void *)last);
 	if (last)
 		(void)unlinkat(s->dirfd, last, 0);
-	char *slash = strrchr(s->dir, '/');
-	if (rmdir(s->dir) == 0 && outside) {
-		*slash = '\0';
-		(void)rmdir(s->dir);
-	}
+	remove_empty(s, outside);
 	close_folder(c, s);
 }
 

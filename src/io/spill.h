@@ -40,7 +40,8 @@ typedef struct wh_spill {
  * $TMPDIR and `fallback` (a folder) that is set. WH_E_RUN names the place and the remedy.
  */
 wh_code wh_spill_open(wh_ctx *c, wh_spill *s, const char *base, const char *fallback);
-/* Removes the folder. Of a kept one only the files that are not whole. */
+/* Removes the folder; of a kept one only the files that are not whole, and itself when nothing is
+ * left. */
 void wh_spill_close(wh_ctx *c, wh_spill *s);
 
 /*

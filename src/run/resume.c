@@ -407,10 +407,10 @@ static wh_code go_on(wh_run *r)
 	r->book.resumed++;
 	take_sums(r);
 	sign(r);
+	r->journaled = true;
 	if (wh_spill_tidy(r->c, &r->spill) != WH_OK ||
 	    wh_manifest_write(r->c, &r->spill, &r->book) != WH_OK)
 		return r->c->err.code;
-	r->journaled = true;
 	wh_manifest *m = &r->book;
 	if (m->steps > 0 && m->step[m->steps - 1].kind == WH_STEP_WRITE)
 		m->steps--; /* it is done again; the file still tells whose the outputs are */
@@ -424,11 +424,10 @@ static wh_code begin(wh_run *r, const wh_choices *choices)
 {
 	r->book.choices = *choices;
 	sign(r);
-	if (wh_spill_tidy(r->c, &r->spill) != WH_OK ||
-	    wh_manifest_write(r->c, &r->spill, &r->book) != WH_OK)
-		return r->c->err.code;
 	r->journaled = true;
-	return WH_OK;
+	return wh_spill_tidy(r->c, &r->spill) == WH_OK
+	           ? wh_manifest_write(r->c, &r->spill, &r->book)
+	           : r->c->err.code;
 }
 
 wh_code wh_run_open_folder(wh_run *r)
@@ -442,6 +441,7 @@ wh_code wh_run_open_folder(wh_run *r)
 		return r->c->err.code;
 	if ((found ? may_go_on(r, &choices) : may_begin(r)) != WH_OK)
 		return r->c->err.code;
+	r->report->resumable = r->book.steps > 0; /* also when that fails */
 	return found ? go_on(r) : begin(r, &choices);
 }
 
