@@ -69,31 +69,44 @@ static wh_code take_formats(wh_run *r)
 	return WH_OK;
 }
 
-static wh_code all_stages(wh_run *r, wh_outfile **out)
+static wh_code open_all(wh_run *r, wh_outfile **out)
 {
-	if (take_formats(r) != WH_OK ||
-	    wh_outfile_open(r->c, out, r->params->output, r->params->force) != WH_OK ||
-	    wh_outfile_pack(r->c, *out, r->packing) != WH_OK || wh_run_open_spill(r) != WH_OK ||
+	if (take_formats(r) != WH_OK)
+		return r->c->err.code;
+	if (!r->params->run_dir && wh_run_open_output(r, out) != WH_OK)
+		return r->c->err.code;
+	if (wh_run_open_spill(r) != WH_OK || wh_run_try_output(r) != WH_OK ||
 	    wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
-	if (wh_run_phase_end(r, WH_PHASE_OPEN, wh_run_open_input(r, false)) != WH_OK)
+	return wh_run_phase_end(r, WH_PHASE_OPEN,
+	                        wh_run_is_begun(r) ? wh_run_reopen_input(r)
+	                                           : wh_run_open_input(r, false));
+}
+
+static wh_code all_stages(wh_run *r, wh_outfile **out)
+{
+	if (open_all(r, out) != WH_OK)
 		return r->c->err.code;
-	if (wh_run_copies(r))
-		return wh_run_write_seams(r) == WH_OK ? wh_run_copy_input(r, out) : r->c->err.code;
+	if (wh_run_copies(r)) {
+		if (wh_run_write_seams(r, false) != WH_OK || wh_run_open_output(r, out) != WH_OK)
+			return r->c->err.code;
+		return wh_run_copy_input(r, out);
+	}
 	wh_run_list_dropped(r);
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_ingest(r)) != WH_OK ||
-	    wh_run_write_seams(r) != WH_OK || wh_run_rounds(r) != WH_OK)
+	    wh_run_write_seams(r, false) != WH_OK || wh_run_rounds(r) != WH_OK)
 		return r->c->err.code;
 	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
 		if (wh_run_settle(r) != WH_OK || wh_run_check_clusters(r) != WH_OK ||
-		    wh_run_emit(r, out) != WH_OK)
+		    wh_run_open_output(r, out) != WH_OK || wh_run_emit(r, out) != WH_OK)
 			return r->c->err.code;
 		return WH_OK;
 	}
 	if (wh_run_stitch(r) != WH_OK || wh_run_final_pass(r) != WH_OK ||
-	    wh_run_check(r) != WH_OK || wh_run_write(r, out) != WH_OK)
+	    wh_run_check(r) != WH_OK || wh_run_open_output(r, out) != WH_OK ||
+	    wh_run_write(r, out) != WH_OK)
 		return r->c->err.code;
 	return WH_OK;
 }
@@ -123,6 +136,8 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		               "no target: give --faces, --vertices, --ratio or --error");
 	if (p->face_ratio > 1 || p->vertex_ratio > 1)
 		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
+	if (p->resume && !p->run_dir)
+		return wh_fail(c, WH_E_USAGE, "--resume needs the --run-dir that is to be resumed");
 	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)
 		return wh_fail(c, WH_E_USAGE,
 		               "threads, cluster or micro-cluster size out of range");
@@ -135,8 +150,8 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	c->err = (wh_error){0};
 	if (sensible(c, params) != WH_OK)
 		return c->err.code;
-	const double start = wh_seconds();
 	wh_run r = {.c = c,
+	            .start = wh_seconds(),
 	            .params = params,
 	            .report = report,
 	            .progress = {.fn = params->progress,
@@ -170,9 +185,10 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_patch_free(c, &r.patch);
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
+	wh_run_close_folder(&r, code);
 	wh_spill_close(c, &r.spill);
 	c->mem->limit = old_limit;
-	report->seconds_total = wh_seconds() - start;
+	report->seconds_total = wh_seconds() - r.start;
 	return code == WH_OK ? verdict(&r) : code;
 }
 

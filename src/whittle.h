@@ -50,6 +50,17 @@ typedef struct wh_reduce_params {
 	int threads;          /* 0: all that the process may use */
 	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, the output's folder */
 
+	/* A run that can be resumed keeps its temporary files in a folder of its own inside this
+	 * one, which is made where it does not exist. They stay when the run fails or is killed,
+	 * and go with the folder (unless something else is in it) when the result is there. NULL:
+	 * no such run; else temp_dir means nothing. */
+	const char *run_dir;
+	bool resume; /* go on with the run in run_dir, where there is one; without it such a run is
+	                refused. What decides the result's bytes must be the same. */
+	/* Told in a sentence what a resumed run goes on from. May be NULL. */
+	void (*notice)(void *user, const char *text);
+	void *notice_user;
+
 	/* Sizes that decide the output's bytes; they never follow from memory or threads. */
 	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
@@ -134,6 +145,8 @@ typedef struct wh_reduce_report {
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;
 	wh_phase_report phase[WH_PHASES];
 	double seconds_total;
+	uint64_t resumed; /* times; seconds and bytes are those of all processes together */
+	bool resumable;   /* after a failure: run_dir keeps what has been done */
 } wh_reduce_report;
 
 /* What a reduction would take, from the input's header and the parameters alone. */
@@ -160,7 +173,9 @@ wh_reduce_params wh_reduce_defaults(void);
  * Reduces a mesh. WH_OK, or WH_E_TARGET when the target could not be reached and the best mesh
  * was written; the report is filled in both cases. On any other failure no output appears (save
  * perhaps the seams, where it is the output's last step that fails) and
- * nothing temporary is left. c->mem->limit is set from params->memory for the time of the call.
+ * nothing temporary is left but what params->run_dir keeps. A resumed run fails with WH_E_USAGE
+ * when other parameters are given, and with WH_E_INPUT when the input is another one. c->mem->limit
+ * is set from params->memory for the time of the call.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
 

@@ -51,12 +51,23 @@ void cmd_env_init(cmd_env *e, const char *name)
 	ignore(SIGXFSZ);
 }
 
+void cmd_stop_on_usr1(void)
+{
+	catch_stop(SIGUSR1);
+}
+
+static int status_signal(void)
+{
+	const int sig = (int)stop_signal;
+	return sig == 0 ? SIGINT : sig == SIGUSR1 ? SIGTERM : sig;
+}
+
 int cmd_report_failure(const cmd_env *e)
 {
 	const wh_error *err = &e->ctx.err;
 	(void)fprintf(stderr, "whittle %s: %s\n", e->name, err->text);
 	if (err->code == WH_E_INTERRUPT)
-		return 128 + (stop_signal ? (int)stop_signal : SIGINT);
+		return 128 + status_signal();
 	return err->code == WH_E_IRREGULAR ? WH_E_RUN : (int)err->code;
 }
 

@@ -38,6 +38,9 @@ static const char help[] =
     "                        half of the machine's, its control group's or the job's)\n"
     "      --threads N       0 (default): all this process may use\n"
     "      --temp-dir DIR    default: $SLURM_TMPDIR, $TMPDIR, beside the output\n"
+    "      --run-dir DIR     a folder to keep what is done, so that a run that was\n"
+    "                        killed can be resumed; gone when the result is there\n"
+    "      --resume          go on with the run in the run directory, if there is one\n"
     "      --ascii           text instead of binary (PLY, STL)\n"
     "      --report FILE     what was done, as JSON\n"
     "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
@@ -180,6 +183,46 @@ static bool prints_output(const reduce_options *o)
 	return is_dash(o->params.output) || is_dash(o->report) || is_dash(o->params.seams);
 }
 
+static void print_notice(void *user, const char *text)
+{
+	const reduce_options *o = user;
+	if (!o->quiet)
+		(void)fprintf(stderr, "whittle reduce: %s\n", text);
+}
+
+/* An argument as a shell takes it. */
+static void print_quoted(FILE *f, const char *arg)
+{
+	static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+	                            "0123456789_-+=./,:@%";
+	if (*arg && arg[strspn(arg, plain)] == '\0') {
+		(void)fputs(arg, f);
+		return;
+	}
+	(void)fputc('\'', f);
+	for (; *arg; arg++)
+		(void)fputs(*arg == '\'' ? "'\\''" : (char[2]){*arg, '\0'}, f);
+	(void)fputc('\'', f);
+}
+
+/* The command that goes on with what this one has done. */
+static void print_how_to_resume(const reduce_options *o, int argc, char **argv, bool kept)
+{
+	if (kept)
+		(void)fprintf(stderr, "whittle reduce: what is done is kept in '%s'; to go on:\n",
+		              o->params.run_dir);
+	else
+		(void)fputs("whittle reduce: nothing was done yet; to start again:\n", stderr);
+	(void)fputs("  whittle", stderr);
+	for (int i = 0; i < argc; i++) {
+		(void)fputc(' ', stderr);
+		print_quoted(stderr, argv[i]);
+		if (i == 0 && !o->params.resume)
+			(void)fputs(" --resume", stderr);
+	}
+	(void)fputc('\n', stderr);
+}
+
 int cmd_reduce(int argc, char **argv)
 {
 	reduce_options o = {.params = wh_reduce_defaults()};
@@ -200,11 +243,19 @@ int cmd_reduce(int argc, char **argv)
 	progress_bar_init(&bar, !o.quiet && !o.no_progress);
 	o.params.progress = progress_bar_tell;
 	o.params.progress_user = &bar;
+	o.params.notice = print_notice;
+	o.params.notice_user = &o;
+	if (o.params.run_dir)
+		cmd_stop_on_usr1();
 	wh_reduce_report report;
 	const wh_code code = wh_reduce(&env.ctx, &o.params, &report);
 	progress_bar_end(&bar);
-	if (code != WH_OK && code != WH_E_TARGET)
-		return cmd_report_failure(&env);
+	if (code != WH_OK && code != WH_E_TARGET) {
+		const int failed = cmd_report_failure(&env);
+		if (report.resumable || (o.params.run_dir && code == WH_E_INTERRUPT))
+			print_how_to_resume(&o, argc, argv, report.resumable);
+		return failed;
+	}
 	if (!o.quiet)
 		print_summary(prints_output(&o) ? stderr : stdout, &o, &report);
 	if (o.report && reduce_report_write(&env, o.report, &o.params, &report) != 0)

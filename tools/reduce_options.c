@@ -19,6 +19,8 @@ enum {
 	OPT_MEMORY,
 	OPT_THREADS,
 	OPT_TEMP,
+	OPT_RUN_DIR,
+	OPT_RESUME,
 	OPT_ASCII,
 	OPT_FROM,
 	OPT_TO,
@@ -47,6 +49,8 @@ static const struct option long_options[] = {
     {"temp-dir", required_argument, NULL, OPT_TEMP},
     {"from", required_argument, NULL, OPT_FROM},
     {"to", required_argument, NULL, OPT_TO},
+    {"run-dir", required_argument, NULL, OPT_RUN_DIR},
+    {"resume", no_argument, NULL, OPT_RESUME},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
     {"seams", required_argument, NULL, OPT_SEAMS},
@@ -179,6 +183,13 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 	case OPT_TO:
 		p->to = arg;
 		break;
+	case OPT_RUN_DIR:
+		ok = *arg != '\0';
+		p->run_dir = arg;
+		break;
+	case OPT_RESUME:
+		p->resume = true;
+		break;
 	case OPT_ASCII:
 		p->ascii = true;
 		break;
@@ -248,6 +259,8 @@ static const char *expected(int opt)
 		return "a number from 0 to 1024";
 	case OPT_WEIGHT:
 		return "a property and a weight, such as colour=0.5";
+	case OPT_RUN_DIR:
+		return "the name of a folder";
 	case OPT_CLUSTER:
 		return "0 or a count from 1000 to 100M";
 	case OPT_FROM:
@@ -305,6 +318,8 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return cmd_usage_error(argv[0], "--json is an option of plan; use --report FILE");
 	if (!o->params.output && !plan)
 		return cmd_usage_error(argv[0], "no output given: add -o FILE");
+	if (o->params.resume && !o->params.run_dir)
+		return cmd_usage_error(argv[0], "--resume needs the --run-dir to go on with");
 	if (!has_limit(&o->params))
 		return cmd_usage_error(
 		    argv[0], "no target given: add --faces, --vertices, --ratio or --error");

@@ -38,12 +38,14 @@ struct wh_outfile {
 	char *shown; /* the name the user gave, for messages */
 	char *name;  /* file name of the target in its folder; NULL when written directly */
 	char *temp;  /* name of the temporary file in the same folder; NULL when there is none */
-	int dirfd;   /* the folder; -1 when written directly */
+	const char *tag; /* end of that name; NULL: a random one */
+	int dirfd;       /* the folder; -1 when written directly */
 	int fd;
 	bool own_fd; /* false for standard output */
 	bool waits;  /* writing may wait for somebody to read */
 	bool force;  /* an existing target may be replaced */
 	bool failed;
+	bool nameless;    /* the temporary file does not have its name yet */
 	uint64_t flushed; /* bytes that left the buffer */
 	size_t used;      /* bytes in the buffer */
 	unsigned char *buffer;
@@ -110,14 +112,43 @@ static void random_suffix(char suffix[7])
 	suffix[6] = '\0';
 }
 
+enum { ROOM = NAME_MAX - 24 }; /* of the target's name in ".NAME.whittle-TAG" */
+
+static void temp_name(char temp[NAME_MAX + 1], const char *name, const char *tag)
+{
+	(void)snprintf(temp, NAME_MAX + 1, ".%.*s.whittle-%.12s", ROOM, name, tag);
+}
+
+/* A path that leads to an open file without a name. */
+static const char *path_of(int fd, char path[32])
+{
+	(void)snprintf(path, 32, "/proc/self/fd/%d", fd);
+	return path;
+}
+
+/* A file without a name, which is gone when its last descriptor is. Not every system has them. */
+static void open_nameless(wh_outfile *o)
+{
+	char path[32];
+	o->fd = openat(o->dirfd, ".", O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666);
+	if (o->fd >= 0 && access(path_of(o->fd, path), F_OK) != 0) {
+		(void)close(o->fd); /* there would be no way to name it */
+		o->fd = -1;
+	}
+	o->nameless = o->fd >= 0;
+}
+
 static wh_code open_temp(wh_ctx *c, wh_outfile *o)
 {
-	enum { ROOM = NAME_MAX - 16 }; /* of the target's name in ".NAME.whittle-XXXXXX" */
 	char temp[NAME_MAX + 1];
 	char suffix[7];
+	if (o->tag) {
+		temp_name(temp, o->name, o->tag);
+		open_nameless(o);
+	}
 	for (int i = 0; i < TEMP_TRIES && o->fd < 0; i++) {
 		random_suffix(suffix);
-		(void)snprintf(temp, sizeof temp, ".%.*s.whittle-%s", ROOM, o->name, suffix);
+		temp_name(temp, o->name, o->tag ? o->tag : suffix);
 		o->fd = openat(o->dirfd, temp, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 		if (o->fd < 0 && errno != EEXIST)
 			break;
@@ -128,7 +159,8 @@ static wh_code open_temp(wh_ctx *c, wh_outfile *o)
 	o->own_fd = true;
 	o->temp = wh_strdup(c, temp);
 	if (!o->temp) {
-		(void)unlinkat(o->dirfd, temp, 0);
+		if (!o->nameless)
+			(void)unlinkat(o->dirfd, temp, 0);
 		return c->err.code;
 	}
 	return WH_OK;
@@ -178,12 +210,19 @@ static wh_code open_target(wh_ctx *c, wh_outfile *o)
 
 wh_code wh_outfile_open(wh_ctx *c, wh_outfile **out, const char *path, bool force)
 {
+	return wh_outfile_open_tagged(c, out, path, force, NULL);
+}
+
+wh_code wh_outfile_open_tagged(wh_ctx *c, wh_outfile **out, const char *path, bool force,
+                               const char *tag)
+{
 	*out = NULL;
 	wh_outfile *o = wh_calloc(c, 1, sizeof *o);
 	if (!o)
 		return c->err.code;
 	o->fd = o->dirfd = -1;
 	o->force = force;
+	o->tag = tag;
 	o->shown = wh_strdup(c, strcmp(path, "-") == 0 ? "standard output" : path);
 	o->buffer = wh_alloc(c, BUFFER, 1);
 	if (!o->shown || !o->buffer)
@@ -342,9 +381,28 @@ static int rename_new(const wh_outfile *o)
 	return renameat(o->dirfd, o->temp, o->dirfd, o->name);
 }
 
+/* Gives a file without a name its own, or, where that may replace another, that of a temporary
+ * file first. errno tells the failure. */
+static int name_it(wh_outfile *o)
+{
+	char path[32];
+	const char *name = o->force ? o->temp : o->name;
+	if (linkat(AT_FDCWD, path_of(o->fd, path), o->dirfd, name, AT_SYMLINK_FOLLOW) != 0)
+		return -1;
+	o->nameless = false;
+	return o->force ? renameat(o->dirfd, o->temp, o->dirfd, o->name) : 0;
+}
+
+static int give_name(wh_outfile *o)
+{
+	if (o->nameless)
+		return name_it(o);
+	return o->force ? renameat(o->dirfd, o->temp, o->dirfd, o->name) : rename_new(o);
+}
+
 static wh_code publish(wh_ctx *c, wh_outfile *o)
 {
-	const int r = o->force ? renameat(o->dirfd, o->temp, o->dirfd, o->name) : rename_new(o);
+	const int r = give_name(o);
 	if (r != 0 && errno == EEXIST)
 		return exists_already(c, o);
 	if (r != 0)
@@ -359,12 +417,13 @@ static wh_code publish(wh_ctx *c, wh_outfile *o)
 	return WH_OK;
 }
 
-/* Closes the descriptor and checks it: some file systems report a full disk only here. */
+/* Closes the descriptor and checks it: some file systems report a full disk only here. A file
+ * without a name would be gone. */
 static wh_code close_checked(wh_ctx *c, wh_outfile *o)
 {
 	if (o->temp && fsync(o->fd) != 0)
 		return write_failed(c, o);
-	if (!o->own_fd)
+	if (!o->own_fd || o->nameless)
 		return WH_OK;
 	const int r = close(o->fd);
 	o->fd = -1;
@@ -401,7 +460,7 @@ void wh_outfile_abort(wh_ctx *c, wh_outfile **out)
 	*out = NULL;
 	if (!o)
 		return;
-	if (o->temp)
+	if (o->temp && !o->nameless)
 		(void)unlinkat(o->dirfd, o->temp, 0);
 	if (o->own_fd && o->fd >= 0)
 		(void)close(o->fd);
@@ -421,12 +480,64 @@ uint64_t wh_outfile_bytes(const wh_outfile *o)
 	return o->flushed + o->used;
 }
 
+static void digits_of(XXH128_hash_t h, char hex[33])
+{
+	(void)snprintf(hex, 33, "%016llx%016llx", (unsigned long long)h.high64,
+	               (unsigned long long)h.low64);
+}
+
 void wh_outfile_checksum(const wh_outfile *o, char hex[33])
 {
 	XXH3_state_t copy;
 	XXH3_copyState(&copy, &o->hash);
 	(void)XXH3_128bits_update(&copy, o->buffer, o->used);
-	const XXH128_hash_t h = XXH3_128bits_digest(&copy);
-	(void)snprintf(hex, 33, "%016llx%016llx", (unsigned long long)h.high64,
-	               (unsigned long long)h.low64);
+	digits_of(XXH3_128bits_digest(&copy), hex);
+}
+
+/* --- what another process left --- */
+
+void wh_outfile_clear(wh_ctx *c, const char *path, const char *tag)
+{
+	char target[PATH_MAX], temp[NAME_MAX + 1], left[PATH_MAX];
+	wh_ctx own = wh_ctx_fork(c);
+	if (follow_links(&own, path, target) != WH_OK)
+		return;
+	const char *slash = strrchr(target, '/');
+	temp_name(temp, slash ? slash + 1 : target, tag);
+	if (sibling(left, target, temp))
+		(void)unlink(left);
+}
+
+static bool has_checksum(int fd, unsigned char *buf, uint64_t bytes, XXH3_state_t *state,
+                         const char hex[33])
+{
+	char found[33];
+	uint64_t at = 0;
+	(void)XXH3_128bits_reset(state);
+	for (ssize_t n = 1; n > 0; at += (uint64_t)n) {
+		n = pread(fd, buf, BUFFER, (off_t)at);
+		if (n < 0)
+			return false;
+		(void)XXH3_128bits_update(state, buf, (size_t)n);
+	}
+	const XXH128_hash_t h = XXH3_128bits_digest(state);
+	digits_of(h, found);
+	return at == bytes && strcmp(found, hex) == 0;
+}
+
+bool wh_outfile_is(wh_ctx *c, const char *path, uint64_t bytes, const char hex[33])
+{
+	struct stat st;
+	wh_ctx own = wh_ctx_fork(c);
+	if (stat(path, &st) != 0 || !S_ISREG(st.st_mode) || (uint64_t)st.st_size != bytes)
+		return false;
+	const int fd = open(path, O_RDONLY | O_CLOEXEC);
+	unsigned char *buf = wh_alloc(&own, BUFFER, 1);
+	XXH3_state_t *state = wh_calloc(&own, 1, sizeof *state);
+	const bool same = fd >= 0 && buf && state && has_checksum(fd, buf, bytes, state, hex);
+	wh_free(&own, state);
+	wh_free(&own, buf);
+	if (fd >= 0)
+		(void)close(fd);
+	return same;
 }

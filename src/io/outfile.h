@@ -23,6 +23,17 @@ wh_code wh_outfile_open(wh_ctx *c, wh_outfile **o, const char *path, bool force)
 /* From here on bytes are compressed on their way; sizes and checksums are of what comes out. Call
  * it before the first byte. WH_E_USAGE in a build without the library. */
 wh_code wh_outfile_pack(wh_ctx *c, wh_outfile *o, wh_packing packing);
+/*
+ * The same for an output whose temporary file must not stay when the process is killed: it has no
+ * name where the system can do that, and else, or for the moment in which it replaces another
+ * file, one that ends in `tag`, which wh_outfile_clear finds again.
+ */
+wh_code wh_outfile_open_tagged(wh_ctx *c, wh_outfile **o, const char *path, bool force,
+                               const char *tag);
+/* Removes the temporary file that a process which is gone may have left of such an output. */
+void wh_outfile_clear(wh_ctx *c, const char *path, const char *tag);
+/* True when a regular file of that name has so many bytes and this checksum. */
+bool wh_outfile_is(wh_ctx *c, const char *path, uint64_t bytes, const char hex[33]);
 
 /* Appends n bytes. A full disk or any other failure is recorded once, with the file's name. */
 wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n);

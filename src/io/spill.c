@@ -18,6 +18,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#define XXH_STATIC_LINKING_ONLY /* the size of its state */
+#include <xxhash.h>
+
+static const char KEPT[] = "whittle-run"; /* the kept folder inside the user's */
+
 static const char *choose_place(const char *base, const char *fallback)
 {
 	const char *const choice[] = {base, base ? NULL : getenv("SLURM_TMPDIR"),
@@ -58,7 +63,10 @@ fail:
 	return c->err.code;
 }
 
-static void remove_all(int dirfd)
+/* ---- what is in the folder ---------------------------------------------------------------- */
+
+/* Shows all names but "." and ".." to `see`, until it returns false. */
+static void look_through(int dirfd, bool (*see)(void *to, int dirfd, const char *name), void *to)
 {
 	const int fd = dup(dirfd);
 	DIR *d = fd < 0 ? NULL : fdopendir(fd);
@@ -68,19 +76,58 @@ static void remove_all(int dirfd)
 		return;
 	}
 	rewinddir(d);
-	for (const struct dirent *e = readdir(d); e; e = readdir(d))
+	bool on = true;
+	for (const struct dirent *e = readdir(d); e && on; e = readdir(d))
 		if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0)
-			(void)unlinkat(dirfd, e->d_name, 0);
+			on = see(to, dirfd, e->d_name);
 	(void)closedir(d);
 }
 
-void wh_spill_close(wh_ctx *c, wh_spill *s)
+static bool ends_in(const char *name, const char *end)
 {
-	if (!s->dir)
-		return;
-	remove_all(s->dirfd);
+	const size_t n = strlen(name), m = strlen(end);
+	return n >= m && strcmp(name + n - m, end) == 0;
+}
+
+/* Removes all but the file `to`. */
+static bool see_and_remove(void *to, int dirfd, const char *name)
+{
+	const char *spared = to;
+	if (!spared || strcmp(name, spared) != 0)
+		(void)unlinkat(dirfd, name, 0);
+	return true;
+}
+
+/* Removes files whose names end in `to`. */
+static bool see_half_done(void *to, int dirfd, const char *name)
+{
+	if (ends_in(name, to))
+		(void)unlinkat(dirfd, name, 0);
+	return true;
+}
+
+static bool see_and_count(void *to, int dirfd, const char *name)
+{
+	wh_spill *s = to;
+	struct stat st;
+	if (ends_in(name, ".part"))
+		(void)unlinkat(dirfd, name, 0);
+	else if (fstatat(dirfd, name, &st, AT_SYMLINK_NOFOLLOW) == 0)
+		atomic_fetch_add(&s->held, (uint64_t)st.st_size);
+	return true;
+}
+
+static bool see_whole(void *to, int dirfd, const char *name)
+{
+	(void)dirfd;
+	bool *whole = to;
+	*whole = !ends_in(name, ".part");
+	return !*whole;
+}
+
+static void close_folder(wh_ctx *c, wh_spill *s)
+{
 	(void)close(s->dirfd);
-	(void)rmdir(s->dir);
 	(void)pthread_mutex_destroy(&s->growing);
 	wh_free(c, s->dir);
 	s->dir = NULL;
@@ -88,13 +135,124 @@ void wh_spill_close(wh_ctx *c, wh_spill *s)
 	atomic_store(&s->held, 0);
 }
 
+/* Removes a kept folder in which nothing is left, and the one around it. */
+static void remove_empty(wh_spill *s, bool outside)
+{
+	if (rmdir(s->dir) == 0 && outside) {
+		*strrchr(s->dir, '/') = '\0';
+		(void)rmdir(s->dir);
+	}
+}
+
+void wh_spill_close(wh_ctx *c, wh_spill *s)
+{
+	if (!s->dir)
+		return;
+	if (s->kept) {
+		char part[WH_SPILL_NAME];
+		look_through(s->dirfd, see_half_done, (void *)wh_spill_part(s, "", part));
+		remove_empty(s, s->made);
+	} else {
+		look_through(s->dirfd, see_and_remove, NULL);
+		(void)rmdir(s->dir);
+	}
+	close_folder(c, s);
+}
+
+/* ---- a kept folder ------------------------------------------------------------------------ */
+
+static wh_code open_kept(wh_ctx *c, wh_spill *s, const char *base)
+{
+	s->made = mkdir(base, 0777) == 0;
+	if (!s->made && errno != EEXIST)
+		return wh_fail_errno(c, "cannot make the folder '%s'", base);
+	if (mkdir(s->dir, 0777) != 0 && errno != EEXIST)
+		return wh_fail_errno(c, "cannot make the folder '%s'", s->dir);
+	s->dirfd = open(s->dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	return s->dirfd >= 0 ? WH_OK : wh_fail_errno(c, "cannot open the folder '%s'", s->dir);
+}
+
+wh_code wh_spill_keep(wh_ctx *c, wh_spill *s, const char *base, const char *tag)
+{
+	*s = (wh_spill){.dirfd = -1, .kept = true};
+	const size_t room = strlen(base) + sizeof KEPT + 1;
+	s->dir = wh_alloc(c, room, 1);
+	if (!s->dir)
+		return c->err.code;
+	(void)snprintf(s->dir, room, "%s/%s", base, KEPT);
+	(void)snprintf(s->tag, sizeof s->tag, "%s", tag);
+	if (open_kept(c, s, base) != WH_OK) {
+		if (s->made)
+			(void)rmdir(base);
+		wh_free(c, s->dir);
+		s->dir = NULL;
+		return c->err.code;
+	}
+	(void)pthread_mutex_init(&s->growing, NULL);
+	return WH_OK;
+}
+
+wh_code wh_spill_tidy(wh_ctx *c, wh_spill *s)
+{
+	atomic_store(&s->held, 0);
+	look_through(s->dirfd, see_and_count, s);
+	const uint64_t held = atomic_load(&s->held);
+	if (held > atomic_load(&s->peak))
+		atomic_store(&s->peak, held);
+	return wh_poll(c);
+}
+
+bool wh_spill_is_used(const wh_spill *s)
+{
+	bool whole = false;
+	look_through(s->dirfd, see_whole, &whole);
+	return whole;
+}
+
+void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside)
+{
+	if (!s->dir)
+		return;
+	look_through(s->dirfd, see_and_remove, (void *)last);
+	if (last)
+		(void)unlinkat(s->dirfd, last, 0);
+	remove_empty(s, outside);
+	close_folder(c, s);
+}
+
+wh_code wh_spill_flush(wh_ctx *c, const wh_spill *s)
+{
+	if (fsync(s->dirfd) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS)
+		return wh_fail_errno(c, "cannot flush the folder '%s'", s->dir);
+	return WH_OK;
+}
+
+const char *wh_spill_part(const wh_spill *s, const char *name, char part[WH_SPILL_NAME])
+{
+	(void)snprintf(part, WH_SPILL_NAME, "%.48s%s%s.part", name, s->tag[0] ? "." : "", s->tag);
+	return part;
+}
+
+/* ---- files -------------------------------------------------------------------------------- */
+
+/* What would help, for messages. */
+static const char *remedy(const wh_spill *s)
+{
+	return s->kept ? "make room there and go on with --resume"
+	               : "use --temp-dir to choose another place";
+}
+
 /* `more`: bytes that were to come next. */
 static wh_code no_space(wh_ctx *c, const wh_spill *s, uint64_t more)
 {
+	char all[64] = "";
+	const char *why = strerror(errno);
+	if (s->planned)
+		(void)snprintf(all, sizeof all, ", about %" PRIu64 " in all", s->planned);
 	return wh_fail(c, WH_E_RUN,
 	               "no space left in '%s' (%" PRIu64 " bytes of temporary files there, %" PRIu64
-	               " more to come next; %s); use --temp-dir to choose another place",
-	               s->dir, (uint64_t)atomic_load(&s->held), more, strerror(errno));
+	               " more to come next%s; %s); %s",
+	               s->dir, (uint64_t)atomic_load(&s->held), more, all, why, remedy(s));
 }
 
 /* What a descriptor was opened as, for messages. */
@@ -147,10 +305,11 @@ int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name)
 int wh_spill_scratch(wh_ctx *c, wh_spill *s)
 {
 	char name[32];
+	char part[WH_SPILL_NAME];
 	(void)snprintf(name, sizeof name, "scratch-%u", atomic_fetch_add(&s->scratches, 1));
-	const int fd = wh_spill_create(c, s, name);
+	const int fd = wh_spill_create(c, s, wh_spill_part(s, name, part));
 	if (fd >= 0)
-		(void)unlinkat(s->dirfd, name, 0);
+		(void)unlinkat(s->dirfd, part, 0);
 	return fd;
 }
 
@@ -162,10 +321,28 @@ void wh_spill_close_scratch(wh_spill *s, int fd)
 	(void)close(fd);
 }
 
+/* What has its name has its bytes. */
+static wh_code flush_file(wh_ctx *c, const wh_spill *s, const char *name)
+{
+	const int fd = open_in(c, s, name, O_RDONLY);
+	if (fd < 0)
+		return c->err.code;
+	const int r = fsync(fd), why = errno;
+	(void)close(fd);
+	errno = why;
+	if (r == 0 || why == EINVAL || why == ENOTSUP)
+		return WH_OK;
+	if (why == ENOSPC || why == EDQUOT)
+		return no_space(c, s, 0);
+	return wh_fail_errno(c, "cannot flush the temporary file '%s/%s'", s->dir, name);
+}
+
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to)
 {
 	if (strcmp(from, to) == 0)
 		return WH_OK;
+	if (s->kept && flush_file(c, s, from) != WH_OK)
+		return c->err.code;
 	struct stat old;
 	const bool replaces = fstatat(s->dirfd, to, &old, AT_SYMLINK_NOFOLLOW) == 0;
 	if (renameat(s->dirfd, from, s->dirfd, to) != 0)
@@ -229,10 +406,8 @@ wh_code wh_spill_pwrite(wh_ctx *c, wh_spill *s, int fd, const void *buf, size_t 
 fail:
 	if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG)
 		return no_space(c, s, n);
-	return wh_fail_errno(c,
-	                     "cannot write the temporary file '%s' at byte %" PRIu64
-	                     " (use --temp-dir to choose another place)",
-	                     name_of(s, fd, name), off);
+	return wh_fail_errno(c, "cannot write the temporary file '%s' at byte %" PRIu64 " (%s)",
+	                     name_of(s, fd, name), off, remedy(s));
 }
 
 wh_code wh_spill_pread(wh_ctx *c, wh_spill *s, int fd, void *buf, size_t n, uint64_t off)
@@ -245,10 +420,9 @@ wh_code wh_spill_pread(wh_ctx *c, wh_spill *s, int fd, void *buf, size_t n, uint
 		if (done < 0 && errno == EINTR)
 			continue;
 		if (done < 0)
-			return wh_fail_errno(c,
-			                     "cannot read the temporary file '%s' at byte %" PRIu64
-			                     " (use --temp-dir to choose another place)",
-			                     name_of(s, fd, name), off);
+			return wh_fail_errno(
+			    c, "cannot read the temporary file '%s' at byte %" PRIu64 " (%s)",
+			    name_of(s, fd, name), off, remedy(s));
 		if (done == 0)
 			return wh_fail(c, WH_E_RUN,
 			               "the temporary file '%s' is damaged: it ends at byte "
@@ -259,4 +433,41 @@ wh_code wh_spill_pread(wh_ctx *c, wh_spill *s, int fd, void *buf, size_t n, uint
 		n -= (size_t)done;
 	}
 	return WH_OK;
+}
+
+enum { SUM_BUFFER = 64 * 1024 };
+
+static wh_code sum_up(wh_ctx *c, wh_spill *s, int fd, uint64_t size, uint8_t *buf,
+                      XXH3_state_t *state)
+{
+	(void)XXH3_64bits_reset(state);
+	for (uint64_t at = 0; at < size; at += SUM_BUFFER) {
+		const size_t n = size - at < SUM_BUFFER ? (size_t)(size - at) : SUM_BUFFER;
+		if (wh_spill_pread(c, s, fd, buf, n, at) != WH_OK)
+			return c->err.code;
+		(void)XXH3_64bits_update(state, buf, n);
+	}
+	return WH_OK;
+}
+
+wh_code wh_spill_checksum(wh_ctx *c, wh_spill *s, const char *name, uint64_t *size,
+                          uint64_t *checksum)
+{
+	struct stat st = {0};
+	const int fd = wh_spill_read(c, s, name);
+	if (fd < 0)
+		return wh_failed(c);
+	uint8_t *buf = wh_alloc(c, SUM_BUFFER, 1);
+	XXH3_state_t *state = wh_alloc(c, 1, sizeof *state);
+	wh_code code = buf && state ? WH_OK : wh_failed(c);
+	if (code == WH_OK && fstat(fd, &st) != 0)
+		code = wh_fail_errno(c, "cannot look at '%s/%s'", s->dir, name);
+	if (code == WH_OK)
+		code = sum_up(c, s, fd, (uint64_t)st.st_size, buf, state);
+	*size = (uint64_t)st.st_size;
+	*checksum = code == WH_OK ? XXH3_64bits_digest(state) : 0;
+	wh_free(c, state);
+	wh_free(c, buf);
+	(void)close(fd);
+	return code;
 }

@@ -4,6 +4,11 @@
  * The folder is made inside the user's choice of place, with a name nobody else has. Files in it
  * are written under a ".part" name and committed by rename. wh_spill_close removes everything,
  * also after a failure. Byte counters are thread-safe; a wh_spill must not be copied or moved.
+ *
+ * A kept folder is the other kind: it has a fixed name, outlives the process, and is found again by
+ * the next one. What gets its name in it is flushed first. Two processes may be at work in it by
+ * mistake: files that are not whole have names of their own, so that neither writes into those of
+ * the other.
  */
 #ifndef WH_IO_SPILL_H
 #define WH_IO_SPILL_H
@@ -12,6 +17,8 @@
 
 #include <pthread.h>
 #include <stdatomic.h>
+
+enum { WH_SPILL_TAG = 16 }; /* bytes of a tag with its NUL */
 
 typedef struct wh_spill {
 	char *dir;             /* path of the folder; NULL: none was made */
@@ -22,6 +29,10 @@ typedef struct wh_spill {
 	_Atomic uint64_t bytes_written;
 	_Atomic unsigned scratches; /* scratch files made so far: numbers their short-lived names */
 	pthread_mutex_t growing;    /* held while a file is made longer */
+	bool kept;                  /* the folder outlives the process */
+	bool made;                  /* the folder around a kept one was made for it */
+	char tag[WH_SPILL_TAG];     /* in the names of files that are not whole */
+	uint64_t planned;           /* bytes that it will come to hold; 0: nobody knows */
 } wh_spill;
 
 /*
@@ -29,7 +40,29 @@ typedef struct wh_spill {
  * $TMPDIR and `fallback` (a folder) that is set. WH_E_RUN names the place and the remedy.
  */
 wh_code wh_spill_open(wh_ctx *c, wh_spill *s, const char *base, const char *fallback);
+/* Removes the folder; of a kept one only the files that are not whole, and itself when nothing is
+ * left. */
 void wh_spill_close(wh_ctx *c, wh_spill *s);
+
+/*
+ * Opens the kept folder inside `base`, and makes both where they do not exist. `tag`: a word that
+ * no other process uses, of letters and digits. Nothing in the folder is touched.
+ */
+wh_code wh_spill_keep(wh_ctx *c, wh_spill *s, const char *base, const char *tag);
+/* Removes what a process that is gone left half done in a kept folder, and counts the rest as
+ * held. */
+wh_code wh_spill_tidy(wh_ctx *c, wh_spill *s);
+/* True when something besides half-done files is in the folder. */
+bool wh_spill_is_used(const wh_spill *s);
+/* Removes all of a kept folder, the file `last` at last (NULL: none), and closes it. `outside`: the
+ * folder around it, too, when nothing else is in it. */
+void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside);
+/* Makes sure that what was renamed in the folder stays renamed. */
+wh_code wh_spill_flush(wh_ctx *c, const wh_spill *s);
+
+/* The name of a file that is not whole yet: "NAME.part", or with the tag "NAME.TAG.part". */
+enum { WH_SPILL_NAME = 80 };
+const char *wh_spill_part(const wh_spill *s, const char *name, char part[WH_SPILL_NAME]);
 
 /* Opens a file of the folder for reading and writing, empty. Returns the descriptor or -1. */
 int wh_spill_create(wh_ctx *c, wh_spill *s, const char *name);
@@ -49,5 +82,9 @@ void wh_spill_remove(wh_spill *s, const char *name);
  * file), a full disk names the folder and suggests --temp-dir. */
 wh_code wh_spill_pwrite(wh_ctx *c, wh_spill *s, int fd, const void *buf, size_t n, uint64_t off);
 wh_code wh_spill_pread(wh_ctx *c, wh_spill *s, int fd, void *buf, size_t n, uint64_t off);
+
+/* Size and XXH3 of a whole file of the folder. */
+wh_code wh_spill_checksum(wh_ctx *c, wh_spill *s, const char *name, uint64_t *size,
+                          uint64_t *checksum);
 
 #endif

@@ -22,7 +22,7 @@
 #include <string.h>
 
 enum {
-	CHUNK = 32 * 1024,       /* vertices, faces or records a job */
+	CHUNK = WH_DIGEST_CHUNK, /* vertices, faces or records a job */
 	SAMPLE = 256 * 1024,     /* vertices the tree is built from, up to twice as many ... */
 	SAMPLE_EACH = 64,        /* ... and no fewer than this for a cluster */
 	BUFFER_LEAST = 4 * 1024, /* write buffer of a cluster */
@@ -108,6 +108,8 @@ static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const size_t n = chunk_items(g->src->nv, index);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
 		return c->err.code;
+	wh_digest_add(g->params->digest, wh_source_vertex_at(g->src, first), b->raw,
+	              n * g->src->vstride);
 	wh_vec3 lo = vertex_at(b, 0), hi = lo;
 	for (size_t i = 1; i < n; i++) {
 		lo = wh_lower(lo, vertex_at(b, i));
@@ -276,6 +278,8 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const wh_code code = read_faces(c, g, b, index, &n);
 	if (code != WH_OK)
 		return code;
+	wh_digest_add(g->params->digest, wh_source_face_at(g->src, (uint64_t)index * CHUNK), b->raw,
+	              n * g->src->fstride);
 	if (wh_homes_corners(c, &g->homes, index, b->ids, 3 * n, b->home) != WH_OK ||
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) != WH_OK)
 		return c->err.code;
@@ -619,6 +623,8 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	describe_store(src, params, store);
 	if (params->cuts)
 		params->cuts->n = 0;
+	if (params->digest)
+		atomic_store(params->digest, 0);
 	ingest g = {.src = src,
 	            .store = store,
 	            .progress = progress,

@@ -11,6 +11,7 @@
 
 #include "exec/exec.h"
 #include "io/ply.h"
+#include "pipeline/digest.h"
 #include "pipeline/dispatch.h"
 #include "pipeline/progress.h"
 
@@ -26,7 +27,8 @@ typedef struct wh_ingest_params {
 	size_t buffer;     /* bytes of write buffer a cluster */
 	uint64_t window;   /* vertices whose cells are in memory at a time; 0: all */
 	size_t visits; /* vertices outside their cells held in memory; 0: the least that works */
-	wh_cut_list *cuts; /* is filled; NULL: nobody wants to know */
+	wh_cut_list *cuts;        /* is filled; NULL: nobody wants to know */
+	_Atomic uint64_t *digest; /* of the bytes read (pipeline/digest.h); NULL: nobody asks */
 } wh_ingest_params;
 
 typedef struct wh_ingest_result {

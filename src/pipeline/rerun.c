@@ -5,11 +5,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-typedef char file_name[32];
-
-static void name_of(uint32_t k, file_name name)
+const char *wh_rerun_name(uint32_t k, wh_rerun_file name)
 {
-	(void)snprintf(name, sizeof(file_name), "collapses-%u", k);
+	(void)snprintf(name, sizeof(wh_rerun_file), "collapses-%u", k);
+	return name;
 }
 
 /* Bytes of a collapse with its attributes. */
@@ -25,14 +24,15 @@ static wh_code make_room(wh_ctx *c, wh_rerun *r)
 
 wh_code wh_rerun_begin(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k)
 {
-	file_name name;
-	name_of(k, name);
+	wh_rerun_file name;
+	char part[WH_SPILL_NAME];
 	if (make_room(c, r) != WH_OK)
 		return c->err.code;
 	r->spill = spill;
+	r->cluster = k;
 	r->used = 0;
 	r->off = 0;
-	r->fd = wh_spill_create(c, spill, name);
+	r->fd = wh_spill_create(c, spill, wh_spill_part(spill, wh_rerun_name(k, name), part));
 	return r->fd >= 0 ? WH_OK : wh_failed(c);
 }
 
@@ -57,10 +57,15 @@ wh_code wh_rerun_put(wh_ctx *c, void *to, const wh_collapse *one, const uint8_t 
 
 wh_code wh_rerun_end(wh_ctx *c, wh_rerun *r, wh_code code)
 {
+	wh_rerun_file name;
+	char part[WH_SPILL_NAME];
 	if (code == WH_OK)
 		code = flush(c, r);
 	(void)close(r->fd);
-	return code;
+	if (code != WH_OK)
+		return code;
+	(void)wh_spill_part(r->spill, wh_rerun_name(r->cluster, name), part);
+	return wh_spill_rename(c, r->spill, part, name);
 }
 
 static wh_code damaged(wh_ctx *c, const wh_rerun *r)
@@ -116,9 +121,9 @@ static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit lim
 wh_code wh_rerun_perform(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k, wh_rerun_limit limit,
                          wh_patch *p, wh_simplify_result *result)
 {
-	file_name name;
+	wh_rerun_file name;
 	struct stat st;
-	name_of(k, name);
+	(void)wh_rerun_name(k, name);
 	*result = (wh_simplify_result){0};
 	if (make_room(c, r) != WH_OK ||
 	    wh_renew(c, &r->into, &r->cap_into, p->nv, sizeof *r->into) != WH_OK)

@@ -20,8 +20,13 @@ typedef struct wh_rerun {
 	size_t cap, cap_into;
 	uint32_t used; /* collapses */
 	uint64_t off;
+	uint32_t cluster;
 	int fd; /* valid between begin and end */
 } wh_rerun;
+
+/* Name of the file of cluster k in the spill folder, where it appears when it is whole. */
+typedef char wh_rerun_file[32];
+const char *wh_rerun_name(uint32_t k, wh_rerun_file name);
 
 /* What to take of a trial, from its beginning: collapses while both last. */
 typedef struct wh_rerun_limit {

@@ -1,6 +1,7 @@
 #include "pipeline/round.h"
 
 #include "pipeline/hand.h"
+#include "pipeline/ledger.h"
 #include "pipeline/rerun.h"
 
 #include <string.h>
@@ -120,12 +121,23 @@ typedef struct reduce_run {
 	wh_round_result *part; /* one for each cluster */
 } reduce_run;
 
+/* Counts a cluster that is done already. */
+static wh_code pass_over(wh_ctx *c, const reduce_run *r, uint32_t k)
+{
+	uint64_t faces, vertices;
+	const wh_code code = wh_store_counts(c, r->from, k, &faces, &vertices);
+	wh_progress_add(r->progress, faces);
+	return code;
+}
+
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const reduce_run *r = arg;
 	wh_hand *h = &r->hands[worker];
 	const uint32_t k = (uint32_t)index;
 	wh_round_result *out = &r->part[index];
+	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
+		return pass_over(c, r, k);
 	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
@@ -136,7 +148,7 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	out->faces = h->patch.nf;
 	out->vertices = h->patch.nv;
 	wh_progress_add(r->progress, before);
-	return WH_OK;
+	return wh_ledger_saved(c, r->to, k, out, sizeof *out);
 }
 
 size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf)

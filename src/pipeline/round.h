@@ -32,8 +32,8 @@ double wh_survey_cost(const wh_survey *survey, double keep);
 /* Bytes that a worker takes for a cluster of these counts in such a store. */
 size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf);
 
-/* Decimates every cluster of `from` into `to` (spill and generation set by the caller; the rest
- * is filled in). `from` stays. */
+/* Decimates every cluster of `from` into `to` (spill, generation and ledger set by the caller; the
+ * rest is filled in). `from` stays. Clusters that the ledger has are left as they are. */
 wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                         wh_store *to, const wh_cluster_params *params, wh_round_result *result);
 

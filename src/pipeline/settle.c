@@ -1,6 +1,7 @@
 #include "pipeline/settle.h"
 
 #include "pipeline/hand.h"
+#include "pipeline/ledger.h"
 #include "pipeline/quota.h"
 #include "pipeline/rerun.h"
 
@@ -19,6 +20,106 @@ typedef struct settle {
 	wh_round_result *part;
 	bool *open; /* the cluster has boundary edges */
 } settle;
+
+/* The store that is filled. */
+static wh_store result_store(const settle *s)
+{
+	return (wh_store){.spill = s->to->spill,
+	                  .generation = s->to->generation,
+	                  .clusters = s->from->clusters,
+	                  .id_bytes = s->from->id_bytes,
+	                  .coord_bytes = s->from->coord_bytes,
+	                  .vertex_payload = sizeof(float),
+	                  .attr_bytes = s->from->attr_bytes,
+	                  .local_corners = true,
+	                  .ledger = s->to->ledger};
+}
+
+/* ---- trials of an earlier process --------------------------------------------------------- */
+
+/* What the ledger says of a trial; the log's bins follow. */
+typedef struct trial_entry {
+	uint64_t size, checksum; /* of the file of collapses */
+	uint32_t open, bins;
+} trial_entry;
+
+static wh_code note_trial(wh_ctx *c, const settle *s, uint32_t k)
+{
+	const wh_quota_log *log = &s->log[k];
+	const size_t bytes = log->n * sizeof *log->item;
+	trial_entry e = {.open = s->open[k], .bins = log->n};
+	wh_rerun_file name;
+	if (!s->to->ledger)
+		return WH_OK;
+	uint8_t *entry = wh_alloc(c, sizeof e + bytes, 1);
+	if (!entry || wh_spill_checksum(c, s->to->spill, wh_rerun_name(k, name), &e.size,
+	                                &e.checksum) != WH_OK) {
+		wh_free(c, entry);
+		return c->err.code;
+	}
+	memcpy(entry, &e, sizeof e);
+	if (bytes)
+		memcpy(entry + sizeof e, log->item, bytes);
+	const wh_code code = wh_ledger_put(c, s->to->ledger, WH_LEDGER_TRIAL, k, entry,
+	                                   (uint32_t)(sizeof e + bytes));
+	wh_free(c, entry);
+	return code;
+}
+
+/* Takes the log from the ledger. */
+static bool recall_log(wh_ctx *c, settle *s, uint32_t k, trial_entry *e)
+{
+	const wh_ledger *l = s->to->ledger;
+	const uint32_t n = wh_ledger_bytes(c, l, WH_LEDGER_TRIAL, k);
+	uint8_t *entry = n >= sizeof *e ? wh_alloc(c, n, 1) : NULL;
+	bool ok = entry && wh_ledger_get(c, l, WH_LEDGER_TRIAL, k, entry, n) == WH_OK;
+	if (ok) {
+		wh_quota_log *log = &s->log[k];
+		memcpy(e, entry, sizeof *e);
+		const size_t bytes = e->bins * sizeof *log->item;
+		ok = n == sizeof *e + bytes;
+		log->item = ok ? wh_alloc(c, e->bins + 1, sizeof *log->item) : NULL;
+		ok = log->item;
+		if (ok && bytes)
+			memcpy(log->item, entry + sizeof *e, bytes);
+		log->n = ok ? e->bins : 0;
+	}
+	wh_free(c, entry);
+	return ok;
+}
+
+/* True when the trial of cluster k need not be done again: its collapses are still there, or are
+ * not needed any more. */
+static bool recall_trial(wh_ctx *c, settle *s, uint32_t k, wh_store_scratch *scratch)
+{
+	trial_entry e;
+	uint64_t size, checksum;
+	wh_rerun_file name;
+	wh_round_result result;
+	wh_ctx own = wh_ctx_fork(c);
+	if (!recall_log(&own, s, k, &e))
+		return false;
+	s->open[k] = e.open != 0;
+	if (wh_spill_checksum(&own, s->to->spill, wh_rerun_name(k, name), &size, &checksum) ==
+	        WH_OK &&
+	    size == e.size && checksum == e.checksum)
+		return true;
+	const wh_store whole = result_store(s);
+	if (wh_ledger_is_saved(c, &whole, k, scratch, &result, sizeof result))
+		return true;
+	wh_free(c, s->log[k].item);
+	s->log[k] = (wh_quota_log){0};
+	return false;
+}
+
+/* Counts a cluster of which half is done already. */
+static wh_code pass_over(wh_ctx *c, const settle *s, uint32_t k)
+{
+	uint64_t faces, vertices;
+	const wh_code code = wh_store_counts(c, s->from, k, &faces, &vertices);
+	wh_progress_add(s->progress, faces);
+	return code;
+}
 
 /* ---- on trial ----------------------------------------------------------------------------- */
 
@@ -42,6 +143,8 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	settle *s = arg;
 	wh_hand *h = &s->hands[worker];
 	wh_cost_log *log = &s->scratch[worker];
+	if (s->to->ledger && recall_trial(c, s, (uint32_t)index, &h->scratch))
+		return pass_over(c, s, (uint32_t)index);
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
@@ -50,7 +153,9 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		return c->err.code;
 	s->open[index] = done.border > 0;
 	wh_progress_add(s->progress, before);
-	return wh_quota_note(c, &s->log[index], log);
+	if (wh_quota_note(c, &s->log[index], log) != WH_OK)
+		return c->err.code;
+	return note_trial(c, s, (uint32_t)index);
 }
 
 /* ---- in earnest --------------------------------------------------------------------------- */
@@ -60,6 +165,8 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	settle *s = arg;
 	wh_hand *h = &s->hands[worker];
 	wh_round_result *out = &s->part[index];
+	if (wh_ledger_is_saved(c, s->to, (uint32_t)index, &h->scratch, out, sizeof *out))
+		return pass_over(c, s, (uint32_t)index);
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
@@ -72,7 +179,7 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	out->faces = h->patch.nf;
 	out->vertices = h->patch.nv;
 	wh_progress_add(s->progress, before);
-	return WH_OK;
+	return wh_ledger_saved(c, s->to, (uint32_t)index, out, sizeof *out);
 }
 
 /* ---- the last face ------------------------------------------------------------------------ */
@@ -128,14 +235,7 @@ static wh_code take_last(wh_ctx *c, settle *s, bool *one_less)
 static wh_code perform(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t faces, const wh_quota *sum,
                        wh_settle_result *result)
 {
-	*s->to = (wh_store){.spill = s->to->spill,
-	                    .generation = s->to->generation,
-	                    .clusters = s->from->clusters,
-	                    .id_bytes = s->from->id_bytes,
-	                    .coord_bytes = s->from->coord_bytes,
-	                    .vertex_payload = sizeof(float),
-	                    .attr_bytes = s->from->attr_bytes,
-	                    .local_corners = true};
+	*s->to = result_store(s);
 	if (wh_exec_for(c, ex, s->from->clusters, perform_job, s) != WH_OK)
 		return c->err.code;
 	uint64_t left = 0;

@@ -27,7 +27,8 @@ typedef struct wh_settle_result {
 } wh_settle_result;
 
 /*
- * Reduces `from` into `to` (spill and generation set by the caller; the rest is filled in). When
+ * Reduces `from` into `to` (spill, generation and ledger set by the caller; the rest is filled in;
+ * what the ledger has is not done again). When
  * the clusters cannot give up as much within max_cost, and `partly` is false, nothing is done and
  * `to` does not exist; with it they give up all they can.
  */

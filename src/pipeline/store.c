@@ -12,7 +12,7 @@
 
 enum {
 	VERSION = 3,
-	NAME_BYTES = 64,
+	NAME_BYTES = WH_SPILL_NAME,
 	SAVE_BUFFER = 256 * 1024,
 	BATCH = 256,             /* vertices encoded at a time */
 	VERTEX_MOST = 8 + 24 + 4 /* bytes of a vertex without attributes */
@@ -32,8 +32,12 @@ enum { ABSENT = 128 }; /* in the flags of vertices whose record has not been met
 
 static void file_name(const wh_store *s, uint32_t cluster, bool part, char name[NAME_BYTES])
 {
-	(void)snprintf(name, NAME_BYTES, "round%u-%06u%s", s->generation, cluster,
-	               part ? ".part" : "");
+	char whole[32];
+	(void)snprintf(whole, sizeof whole, "round%u-%06u", s->generation, cluster);
+	if (part)
+		(void)wh_spill_part(s->spill, whole, name);
+	else
+		memcpy(name, whole, sizeof whole);
 }
 
 /* ---- writing ------------------------------------------------------------------------------ */
@@ -217,9 +221,10 @@ void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s)
 static wh_code damaged(wh_ctx *c, const wh_store *s, const char *name)
 {
 	return wh_fail(c, WH_E_RUN,
-	               "%s/%s: the temporary file is damaged; run again, on another disk if it "
-	               "happens again (--temp-dir)",
-	               s->spill->dir, name);
+	               "%s/%s: the temporary file is damaged; run again%s, on another disk if it "
+	               "happens again (%s)",
+	               s->spill->dir, name, s->spill->kept ? " with --resume" : "",
+	               s->spill->kept ? "--run-dir" : "--temp-dir");
 }
 
 static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *name, header *h)
@@ -257,6 +262,15 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 			code = damaged(c, s, name);
 	}
 	(void)close(fd);
+	return code;
+}
+
+wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+                        uint64_t *checksum)
+{
+	header h;
+	const wh_code code = read_whole(c, s, cluster, scratch, &h);
+	*checksum = code == WH_OK ? h.checksum : 0;
 	return code;
 }
 
@@ -467,6 +481,20 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 		return damaged(c, s, name);
 	}
 	return drop_unreferenced(c, scratch, p, used);
+}
+
+wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *checksum)
+{
+	char name[NAME_BYTES];
+	header h;
+	file_name(s, cluster, false, name);
+	const int fd = wh_spill_read(c, s->spill, name);
+	if (fd < 0)
+		return wh_failed(c);
+	const wh_code code = read_header(c, s, fd, name, &h);
+	(void)close(fd);
+	*checksum = code == WH_OK ? h.checksum : 0;
+	return code;
 }
 
 void wh_store_remove(const wh_store *s, uint32_t cluster)

@@ -44,6 +44,7 @@ typedef struct wh_store {
 	uint32_t vertex_payload; /* bytes of the error bound */
 	uint32_t attr_bytes;     /* of a vertex */
 	bool local_corners;
+	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
 } wh_store;
 
 /* Writes one cluster file. Zero-initialise; not thread-safe. */
@@ -152,6 +153,13 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 
 /* Writes a patch as cluster `cluster` of a store with local corners. */
 wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_patch *p);
+
+/* Reads a cluster's file and looks whether it is whole. WH_E_RUN when it is gone or damaged. */
+wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+                        uint64_t *checksum);
+
+/* The checksum in the header of a cluster's file. */
+wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *checksum);
 
 /* Removes a cluster's file. */
 void wh_store_remove(const wh_store *s, uint32_t cluster);

@@ -15,7 +15,7 @@ wh_code wh_run_stitch(wh_run *r)
 	    wh_finish_stitch(r->c, &r->store, &r->progress, &r->patch, &unreferenced);
 	wh_run_note_unreferenced(r, unreferenced);
 	r->report->never_free_vertices = 0; /* no vertex is on a cut now */
-	if (code == WH_OK)
+	if (code == WH_OK && !r->journaled) /* else whoever resumes this needs them */
 		wh_round_remove(&r->store);
 	return wh_run_phase_end(r, WH_PHASE_STITCH, code);
 }

@@ -11,6 +11,8 @@ enum { COPY = 1 << 20 };
 /* The folder of the output: where temporary files go when nothing else is said. */
 wh_code wh_run_open_spill(wh_run *r)
 {
+	if (r->params->run_dir)
+		return wh_run_open_folder(r);
 	char *folder = wh_strdup(r->c, r->params->output);
 	if (!folder)
 		return r->c->err.code;
@@ -150,7 +152,10 @@ static wh_code ingest_once(wh_run *r)
 	if (wh_run_refuse_early(r) != WH_OK)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
-	wh_ingest_params p = {.clusters = r->plan.clusters, .cuts = r->seams ? &r->cuts : NULL};
+	r->spill.planned = r->plan.peak_disk;
+	wh_ingest_params p = {.clusters = r->plan.clusters,
+	                      .cuts = r->params->seams ? &r->cuts : NULL,
+	                      .digest = r->journaled ? &r->digest : NULL};
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
 	const wh_code code =
@@ -167,7 +172,19 @@ static void count_input_reads(wh_run *r)
 		r->report->bytes_read += s->nv * (s->afd < 0 ? s->vstride : s->attributes->bytes);
 }
 
-wh_code wh_run_ingest(wh_run *r)
+/* Of a body that was rewritten, the file counts. */
+static wh_code finish_digest(wh_run *r)
+{
+	if (!r->journaled)
+		return WH_OK;
+	r->book.digest_of_file = r->input.temp_fd >= 0;
+	if (!r->book.digest_of_file)
+		return wh_digest_header(r->c, &r->exec, &r->input.ply, &r->digest);
+	atomic_store(&r->digest, 0);
+	return wh_digest_file(r->c, &r->exec, &r->input.ply, &r->digest);
+}
+
+static wh_code ingest_input(wh_run *r)
 {
 	wh_code code = ingest_once(r);
 	if (code == WH_E_IRREGULAR) { /* faces that are not triangles behind a triangle's size */
@@ -176,11 +193,50 @@ wh_code wh_run_ingest(wh_run *r)
 		code = ingest_once(r);
 	}
 	if (code == WH_OK)
+		code = finish_digest(r);
+	if (code == WH_OK)
 		code = wh_input_unchanged(r->c, &r->input);
 	if (code != WH_OK)
 		return code;
 	count_input_reads(r);
 	wh_input_drop_temp(&r->spill, &r->input);
+	return WH_OK;
+}
+
+static wh_code record_ingest(wh_run *r)
+{
+	wh_step step = {.kind = WH_STEP_INGEST,
+	                .kept = true,
+	                .store = r->store,
+	                .input_vertices = r->report->input_vertices,
+	                .input_faces = r->report->input_faces,
+	                .polygons = r->report->polygons,
+	                .degenerate = r->report->degenerate_faces,
+	                .is_double = r->input.source.is_double,
+	                .ingest = r->ingest};
+	return wh_run_keep_seams(r, &step) == WH_OK ? wh_run_record(r, &step) : r->c->err.code;
+}
+
+/* What an earlier process ingested. */
+static wh_code recall_ingest(wh_run *r, const wh_step *step)
+{
+	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2;
+	r->spill.planned = r->plan.peak_disk;
+	r->store = step->store;
+	r->store.spill = &r->spill;
+	r->generations++;
+	r->ingest = step->ingest;
+	return wh_run_recall_seams(r, step);
+}
+
+wh_code wh_run_ingest(wh_run *r)
+{
+	wh_step step;
+	const bool done = wh_run_recall(r, WH_STEP_INGEST, &step);
+	if ((done ? recall_ingest(r, &step) : ingest_input(r)) != WH_OK)
+		return r->c->err.code;
+	if (!done && record_ingest(r) != WH_OK)
+		return r->c->err.code;
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;

@@ -15,13 +15,16 @@ wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
 }
 
 /* The cost limits of a round that is to keep this share of the faces. */
-wh_code wh_run_survey(wh_run *r, const wh_exec *ex, double keep, wh_cluster_params *p)
+static wh_code survey(wh_run *r, double keep, wh_cluster_params *p)
 {
+	wh_exec ex;
+	if (wh_run_cluster_workers(r, &ex) != WH_OK)
+		return r->c->err.code;
 	wh_run_phase_begin(r);
 	wh_survey s = {.log = wh_calloc(r->c, 1, sizeof *s.log)};
 	wh_code code = r->c->err.code;
 	if (code == WH_OK)
-		code = wh_round_survey(r->c, ex, &r->progress, &r->store, WH_PLAN_SURVEY_FACES,
+		code = wh_round_survey(r->c, &ex, &r->progress, &r->store, WH_PLAN_SURVEY_FACES,
 		                       &p->all, &s);
 	if (code == WH_OK) {
 		p->all.max_cost = wh_survey_cost(&s, keep);
@@ -31,24 +34,64 @@ wh_code wh_run_survey(wh_run *r, const wh_exec *ex, double keep, wh_cluster_para
 	return wh_run_phase_end(r, WH_PHASE_SURVEY, code);
 }
 
+wh_code wh_run_survey(wh_run *r, double keep, wh_cluster_params *p)
+{
+	wh_step step;
+	if (wh_run_recall(r, WH_STEP_SURVEY, &step)) {
+		p->all.max_cost = step.max_cost;
+		p->micro_cost = step.micro_cost;
+		return WH_OK;
+	}
+	if (survey(r, keep, p) != WH_OK)
+		return r->c->err.code;
+	step = (wh_step){
+	    .kind = WH_STEP_SURVEY, .max_cost = p->all.max_cost, .micro_cost = p->micro_cost};
+	return wh_run_record(r, &step);
+}
+
+/* All clusters into `next`; kept: not too much of them went. */
+static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uint64_t least,
+                      wh_step *step)
+{
+	wh_exec ex;
+	wh_round_result done;
+	if (wh_run_recall(r, WH_STEP_REDUCE, step)) {
+		*next = step->store;
+		next->spill = &r->spill;
+		return WH_OK;
+	}
+	next->ledger = wh_run_ledger(r, r->store.clusters);
+	if (r->c->err.code != WH_OK || wh_run_cluster_workers(r, &ex) != WH_OK)
+		return r->c->err.code;
+	wh_run_phase_begin(r);
+	const wh_code code = wh_round_reduce(r->c, &ex, &r->progress, &r->store, next, p, &done);
+	next->ledger = NULL;
+	if (wh_run_phase_end(r, WH_PHASE_DECIMATE, code) != WH_OK)
+		return code;
+	*step = (wh_step){.kind = WH_STEP_REDUCE,
+	                  .kept = done.faces > least || !isfinite(p->all.max_cost),
+	                  .store = *next,
+	                  .faces = done.faces,
+	                  .unreferenced = done.unreferenced,
+	                  .work = done.work};
+	return wh_run_record(r, step);
+}
+
 /* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
  * is lowered, and the round done again. Where that does not help either, as too many collapses
  * cost nothing at all, the mesh is left as it was. */
-static wh_code decimate(wh_run *r, const wh_exec *ex, wh_cluster_params *p, double share)
+static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 {
 	wh_store next = {.spill = &r->spill};
-	wh_round_result done;
+	wh_step done;
 	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
 	uint64_t last = 0;
 	for (int lowered = 0;; lowered++) {
 		next.generation = r->generations++;
-		wh_run_phase_begin(r);
-		const wh_code code =
-		    wh_round_reduce(r->c, ex, &r->progress, &r->store, &next, p, &done);
-		if (wh_run_phase_end(r, WH_PHASE_DECIMATE, code) != WH_OK)
-			return code;
+		if (reduce(r, &next, p, least, &done) != WH_OK)
+			return r->c->err.code;
 		wh_run_note_unreferenced(r, done.unreferenced);
-		if (done.faces > least || !isfinite(p->all.max_cost))
+		if (done.kept)
 			break;
 		wh_round_remove(&next);
 		if (lowered == MOST_LOWERINGS || done.faces == last)
@@ -65,22 +108,41 @@ static wh_code decimate(wh_run *r, const wh_exec *ex, wh_cluster_params *p, doub
 	return WH_OK;
 }
 
-/* Cuts anew; `free_all`: so that no vertex is on a cut that always was. */
-wh_code wh_run_recut(wh_run *r, bool free_all)
+static wh_code recut(wh_run *r, const wh_recut_params *params, wh_store *next)
 {
-	wh_recut_params p = {.skew = wh_plan_skew(++r->recuts), .free_all = free_all};
-	wh_store next = {.spill = &r->spill, .generation = r->generations++};
-	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
+	wh_recut_params p = *params;
 	wh_exec ex = r->exec;
 	size_t need;
-	if (wh_round_recut_fit(r->c, &r->store, next.clusters, wh_run_budget(r), &ex, &p.buffer,
+	if (wh_round_recut_fit(r->c, &r->store, next->clusters, wh_run_budget(r), &ex, &p.buffer,
 	                       &need) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
-	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, &next, &p,
+	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, next, &p,
 	                                    &r->report->never_free_vertices);
-	if (wh_run_phase_end(r, WH_PHASE_RECUT, code) != WH_OK)
-		return code;
+	return wh_run_phase_end(r, WH_PHASE_RECUT, code);
+}
+
+/* Cuts anew; `free_all`: so that no vertex is on a cut that always was. */
+wh_code wh_run_recut(wh_run *r, bool free_all)
+{
+	const wh_recut_params p = {.skew = wh_plan_skew(++r->recuts), .free_all = free_all};
+	wh_store next = {.spill = &r->spill, .generation = r->generations++};
+	wh_step step;
+	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
+	if (wh_run_recall(r, WH_STEP_RECUT, &step)) {
+		next = step.store;
+		next.spill = &r->spill;
+		r->report->never_free_vertices = step.never_free;
+	} else {
+		if (recut(r, &p, &next) != WH_OK)
+			return r->c->err.code;
+		step = (wh_step){.kind = WH_STEP_RECUT,
+		                 .kept = true,
+		                 .store = next,
+		                 .never_free = r->report->never_free_vertices};
+		if (wh_run_record(r, &step) != WH_OK)
+			return r->c->err.code;
+	}
 	wh_round_remove(&r->store);
 	r->store = next;
 	return WH_OK;
@@ -93,11 +155,9 @@ wh_code wh_run_round(wh_run *r, double keep)
 	wh_cluster_params params = {.micro_faces = (uint32_t)r->params->micro_faces,
 	                            .micro_cost = INFINITY,
 	                            .all = wh_run_engine(r)};
-	wh_exec ex;
-	if (wh_run_cluster_workers(r, &ex) != WH_OK ||
-	    (share > 0 && wh_run_survey(r, &ex, keep, &params) != WH_OK))
+	if (share > 0 && wh_run_survey(r, keep, &params) != WH_OK)
 		return r->c->err.code;
-	return decimate(r, &ex, &params, share);
+	return decimate(r, &params, share);
 }
 
 /* Rounds, until the mesh fits the final pass or a round no longer helps. */

@@ -181,14 +181,3 @@ void wh_run_note_check(wh_run *r, const wh_check *found)
 	t->boundary_loops = found->boundary_loops;
 	t->euler = found->euler;
 }
-
-wh_code wh_run_commit(wh_run *r, wh_outfile **out)
-{
-	if (wh_outfile_end(r->c, *out) != WH_OK)
-		return r->c->err.code;
-	r->report->output_bytes = wh_outfile_bytes(*out);
-	wh_outfile_checksum(*out, r->report->checksum);
-	if (r->seams && wh_outfile_commit(r->c, &r->seams) != WH_OK)
-		return r->c->err.code;
-	return wh_outfile_commit(r->c, out);
-}

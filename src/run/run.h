@@ -6,6 +6,8 @@
  *     rounds.c   survey, decimate, recut
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
  *     last.c     a result that fits: stitch, final pass, check, write
+ *     output.c   the outputs: when they are opened, what they may replace
+ *     resume.c   the folder of a run that can be resumed, and what is done of it
  *
  * Each stage keeps its time in the report and takes the memory that the budget leaves. What the
  * stages do is in pipeline/.
@@ -18,9 +20,11 @@
 #include "io/outfile.h"
 #include "mesh/check.h"
 #include "pipeline/ingest.h"
+#include "pipeline/ledger.h"
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
 #include "pipeline/round.h"
+#include "run/manifest.h"
 
 typedef struct wh_run {
 	wh_ctx *c;
@@ -49,6 +53,14 @@ typedef struct wh_run {
 	wh_plan_sizes sizes;
 	wh_plan plan;
 	wh_simplify_result work; /* of all stages */
+	double start;            /* of the run; earlier by what processes before this one took */
+
+	bool journaled; /* there is a run directory, it is ours, and the next lines count */
+	wh_manifest book;
+	size_t recalled; /* steps of it that this process has gone through */
+	wh_ledger ledger;
+	_Atomic uint64_t digest;            /* of the input */
+	bool replace_output, replace_seams; /* they are our own, of the time before */
 } wh_run;
 
 /* ---- run.c: what the stages share --------------------------------------------------------- */
@@ -82,8 +94,6 @@ wh_ply_style wh_run_style(const wh_run *r);
 wh_simplify_params wh_run_engine(const wh_run *r);
 wh_plan_sizes wh_run_sizes(const wh_reduce_params *p);
 void wh_run_note_check(wh_run *r, const wh_check *found);
-/* The output is whole: its name, its size, its checksum. */
-wh_code wh_run_commit(wh_run *r, wh_outfile **out);
 
 /* ---- open.c ------------------------------------------------------------------------------- */
 
@@ -97,12 +107,46 @@ wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
 
+/* ---- output.c ----------------------------------------------------------------------------- */
+
+/* Opens the output where it is not open yet. With a run directory it is only looked at first, and
+ * opened when there is something to write: nothing of it lies about after a kill. */
+wh_code wh_run_try_output(wh_run *r);
+wh_code wh_run_open_output(wh_run *r, wh_outfile **out);
+/* The output is whole: its name, its size, its checksum. */
+wh_code wh_run_commit(wh_run *r, wh_outfile **out);
+
+/* ---- resume.c ----------------------------------------------------------------------------- */
+
+/*
+ * Opens the run directory: a new run, or the one in it. Then every stage, before it does a step,
+ * asks whether it is done, and notes it when it is. All of these do nothing, and nothing is done,
+ * where there is no run directory.
+ */
+wh_code wh_run_open_folder(wh_run *r);
+/* True when the input was ingested by an earlier process. */
+bool wh_run_is_begun(const wh_run *r);
+/* Opens the input of a begun run and refuses another one. */
+wh_code wh_run_reopen_input(wh_run *r);
+/* True, with *step filled, when the next step, which is of this kind, is done. */
+bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step);
+/* The ledger of the next step, a round over so many clusters. NULL: there is none, or it failed,
+ * which is recorded. */
+wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters);
+/* The step is done: for good, once this returns. */
+wh_code wh_run_record(wh_run *r, const wh_step *step);
+/* The end of the run, whole or not. */
+void wh_run_close_folder(wh_run *r, wh_code code);
+
 /* ---- seams.c ------------------------------------------------------------------------------ */
 
 /* All of these do nothing when no seams are asked for. */
 wh_code wh_run_open_seams(wh_run *r);
-/* Puts what ingest listed into the output, which appears with the result. */
-wh_code wh_run_write_seams(wh_run *r);
+/* What ingest listed is all there; with a run directory, for the processes to come. */
+wh_code wh_run_keep_seams(wh_run *r, wh_step *step);
+wh_code wh_run_recall_seams(wh_run *r, const wh_step *step);
+/* Puts it into the output, which appears with the result; with a run directory not before that. */
+wh_code wh_run_write_seams(wh_run *r, bool last);
 /* Gives up what has not appeared. */
 void wh_run_close_seams(wh_run *r);
 
@@ -111,7 +155,7 @@ void wh_run_close_seams(wh_run *r);
 /* Workers for stages that hold one cluster each. */
 wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex);
 /* The cost limits of a round that is to keep this share of the faces. */
-wh_code wh_run_survey(wh_run *r, const wh_exec *ex, double keep, wh_cluster_params *p);
+wh_code wh_run_survey(wh_run *r, double keep, wh_cluster_params *p);
 /* Cuts anew; `free_all`: away from vertices that were on every cut. */
 wh_code wh_run_recut(wh_run *r, bool free_all);
 /* Decimates all clusters so that a share of the faces is left, or to the error limit. */

@@ -37,11 +37,11 @@ static bool is_reached(const wh_run *r)
 }
 
 /* Costs that a trial may go to, one after the other while the one before was not enough. */
-static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[TRIALS])
+static wh_code trial_costs(wh_run *r, double cost[TRIALS])
 {
 	wh_cluster_params p = {.all = wh_run_engine(r)};
 	p.all.log_in_order = true; /* rather too much than too little */
-	if (wh_run_survey(r, ex, TRIAL_MARGIN * wh_run_share(r), &p) != WH_OK)
+	if (wh_run_survey(r, TRIAL_MARGIN * wh_run_share(r), &p) != WH_OK)
 		return r->c->err.code;
 	cost[0] = p.all.max_cost;
 	for (int i = 1; i + 1 < TRIALS; i++)
@@ -50,32 +50,57 @@ static wh_code trial_costs(wh_run *r, const wh_exec *ex, double cost[TRIALS])
 	return WH_OK;
 }
 
+/* One trial, and the round where it was enough or `partly` is true: then kept. */
+static wh_code settle_at(wh_run *r, wh_store *next, const wh_settle_params *p, bool partly,
+                         wh_step *step)
+{
+	wh_exec ex;
+	wh_settle_result done = {0};
+	if (wh_run_recall(r, WH_STEP_SETTLE, step)) {
+		*next = step->store;
+		next->spill = &r->spill;
+		return WH_OK;
+	}
+	next->ledger = wh_run_ledger(r, r->store.clusters);
+	if (r->c->err.code != WH_OK || wh_run_cluster_workers(r, &ex) != WH_OK)
+		return r->c->err.code;
+	wh_run_phase_begin(r);
+	const wh_code code = wh_settle(r->c, &ex, &r->progress, &r->store, next, p, partly, &done);
+	next->ledger = NULL;
+	if (wh_run_phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
+		return code;
+	*step = (wh_step){.kind = WH_STEP_SETTLE,
+	                  .kept = done.reached || partly,
+	                  .store = *next,
+	                  .faces = done.round.faces,
+	                  .unreferenced = done.round.unreferenced,
+	                  .work = done.round.work,
+	                  .reached = done.reached,
+	                  .one_less = done.one_less};
+	return wh_run_record(r, step);
+}
+
 /* A round that ends at the exact count, or as near to it as its clusters can come. */
 static wh_code settle_once(wh_run *r)
 {
-	wh_exec ex;
 	double cost[TRIALS] = {0};
-	wh_settle_result done = {0};
+	wh_step done = {0};
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	wh_settle_params p = to_give_up(r);
-	if (wh_run_cluster_workers(r, &ex) != WH_OK || trial_costs(r, &ex, cost) != WH_OK)
+	if (trial_costs(r, cost) != WH_OK)
 		return r->c->err.code;
-	wh_run_phase_begin(r);
-	wh_code code = WH_OK;
-	for (int i = 0; code == WH_OK && i < TRIALS && !done.reached; i++) {
+	for (int i = 0; i < TRIALS && !done.reached; i++) {
 		p.all.max_cost = cost[i];
-		code = wh_settle(r->c, &ex, &r->progress, &r->store, &next, &p, i == TRIALS - 1,
-		                 &done);
+		if (settle_at(r, &next, &p, i == TRIALS - 1, &done) != WH_OK)
+			return r->c->err.code;
 	}
-	if (wh_run_phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
-		return code;
 	wh_round_remove(&r->store);
 	r->store = next;
-	r->faces = done.round.faces;
-	wh_run_note_unreferenced(r, done.round.unreferenced);
+	r->faces = done.faces;
+	wh_run_note_unreferenced(r, done.unreferenced);
 	r->report->one_less = done.one_less;
 	r->report->rounds++;
-	wh_simplify_result_add(&r->work, &done.round.work);
+	wh_simplify_result_add(&r->work, &done.work);
 	return WH_OK;
 }
 

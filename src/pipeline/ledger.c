@@ -1,0 +1,177 @@
+#include "pipeline/ledger.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <xxhash.h>
+
+typedef struct head {
+	uint32_t kind, cluster, bytes, zero;
+	uint64_t checksum;
+} head;
+
+_Static_assert(sizeof(head) == 24, "the head has the documented size");
+
+enum {
+	MOST = 1 << 20,  /* bytes of an entry */
+	SAVED_MOST = 512 /* the same, of a saved cluster */
+};
+
+static uint64_t checksum_of(const head *h, const void *bytes)
+{
+	return XXH3_64bits_withSeed(bytes, h->bytes, XXH3_64bits(h, offsetof(head, checksum)));
+}
+
+/* ---- opening ------------------------------------------------------------------------------ */
+
+/* The record at l->end. False when there is no whole one. */
+static wh_code read_record(wh_ctx *c, wh_ledger *l, uint64_t size, head *h, uint8_t **buf,
+                           size_t *cap, bool *whole)
+{
+	*whole = false;
+	if (size - l->end < sizeof *h)
+		return WH_OK;
+	if (wh_spill_pread(c, l->spill, l->fd, h, sizeof *h, l->end) != WH_OK)
+		return c->err.code;
+	if (h->kind >= WH_LEDGER_KINDS || h->cluster >= l->clusters || h->zero != 0 ||
+	    h->bytes > MOST || h->bytes > size - l->end - sizeof *h)
+		return WH_OK;
+	if (wh_renew(c, buf, cap, (size_t)h->bytes + 1, 1) != WH_OK ||
+	    wh_spill_pread(c, l->spill, l->fd, *buf, h->bytes, l->end + sizeof *h) != WH_OK)
+		return c->err.code;
+	*whole = checksum_of(h, *buf) == h->checksum;
+	return WH_OK;
+}
+
+static wh_code read_all(wh_ctx *c, wh_ledger *l)
+{
+	struct stat st;
+	uint8_t *buf = NULL;
+	size_t cap = 0;
+	head h;
+	bool whole = true;
+	if (fstat(l->fd, &st) != 0)
+		return wh_fail_errno(c, "cannot look at '%s/%s'", l->spill->dir, l->name);
+	wh_code code = WH_OK;
+	while (code == WH_OK && whole) {
+		code = read_record(c, l, (uint64_t)st.st_size, &h, &buf, &cap, &whole);
+		if (code != WH_OK || !whole)
+			break;
+		l->at[h.kind][h.cluster] = l->end + 1;
+		l->end += sizeof h + h.bytes;
+	}
+	wh_free(c, buf);
+	return code;
+}
+
+static int open_file(wh_ctx *c, const wh_ledger *l)
+{
+	wh_ctx own = wh_ctx_fork(c);
+	const int fd = wh_spill_reopen(&own, l->spill, l->name);
+	return fd >= 0 ? fd : wh_spill_create(c, l->spill, l->name);
+}
+
+wh_code wh_ledger_open(wh_ctx *c, wh_ledger *l, wh_spill *spill, const char *name,
+                       uint32_t clusters)
+{
+	*l = (wh_ledger){.spill = spill, .fd = -1, .clusters = clusters};
+	(void)snprintf(l->name, sizeof l->name, "%s", name);
+	(void)pthread_mutex_init(&l->growing, NULL);
+	for (int i = 0; i < WH_LEDGER_KINDS; i++)
+		l->at[i] = wh_calloc(c, clusters, sizeof *l->at[i]);
+	wh_code code = c->err.code;
+	if (code == WH_OK)
+		l->fd = open_file(c, l);
+	if (code == WH_OK)
+		code = l->fd >= 0 ? read_all(c, l) : wh_failed(c);
+	if (code != WH_OK)
+		wh_ledger_close(c, l);
+	return code;
+}
+
+void wh_ledger_close(wh_ctx *c, wh_ledger *l)
+{
+	if (!l->spill)
+		return;
+	if (l->fd >= 0)
+		(void)close(l->fd);
+	for (int i = 0; i < WH_LEDGER_KINDS; i++)
+		wh_free(c, l->at[i]);
+	(void)pthread_mutex_destroy(&l->growing);
+	*l = (wh_ledger){0};
+}
+
+/* ---- entries ------------------------------------------------------------------------------ */
+
+wh_code wh_ledger_put(wh_ctx *c, wh_ledger *l, wh_ledger_kind kind, uint32_t cluster,
+                      const void *bytes, uint32_t n)
+{
+	head h = {.kind = (uint32_t)kind, .cluster = cluster, .bytes = n};
+	h.checksum = checksum_of(&h, bytes);
+	uint8_t *record = wh_alloc(c, sizeof h + n, 1);
+	if (!record)
+		return c->err.code;
+	memcpy(record, &h, sizeof h);
+	if (n)
+		memcpy(record + sizeof h, bytes, n);
+	(void)pthread_mutex_lock(&l->growing);
+	const wh_code code = wh_spill_pwrite(c, l->spill, l->fd, record, sizeof h + n, l->end);
+	if (code == WH_OK)
+		l->end += sizeof h + n;
+	(void)pthread_mutex_unlock(&l->growing);
+	wh_free(c, record);
+	return code;
+}
+
+uint32_t wh_ledger_bytes(wh_ctx *c, const wh_ledger *l, wh_ledger_kind kind, uint32_t cluster)
+{
+	head h;
+	if (!l || l->at[kind][cluster] == 0 ||
+	    wh_spill_pread(c, l->spill, l->fd, &h, sizeof h, l->at[kind][cluster] - 1) != WH_OK)
+		return 0;
+	return h.bytes;
+}
+
+wh_code wh_ledger_get(wh_ctx *c, const wh_ledger *l, wh_ledger_kind kind, uint32_t cluster,
+                      void *bytes, uint32_t n)
+{
+	return wh_spill_pread(c, l->spill, l->fd, bytes, n,
+	                      l->at[kind][cluster] - 1 + sizeof(head));
+}
+
+/* ---- saved clusters ----------------------------------------------------------------------- */
+
+wh_code wh_ledger_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, const void *result,
+                        uint32_t n)
+{
+	uint8_t entry[SAVED_MOST];
+	uint64_t checksum;
+	if (!store->ledger)
+		return WH_OK;
+	if (wh_store_checksum(c, store, cluster, &checksum) != WH_OK)
+		return c->err.code;
+	memcpy(entry, &checksum, sizeof checksum);
+	memcpy(entry + sizeof checksum, result, n);
+	return wh_ledger_put(c, store->ledger, WH_LEDGER_SAVED, cluster, entry,
+	                     (uint32_t)sizeof checksum + n);
+}
+
+bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster,
+                        wh_store_scratch *scratch, void *result, uint32_t n)
+{
+	uint8_t entry[SAVED_MOST];
+	uint64_t checksum, found;
+	const uint32_t bytes = (uint32_t)sizeof checksum + n;
+	wh_ctx own = wh_ctx_fork(c);
+	if (wh_ledger_bytes(&own, store->ledger, WH_LEDGER_SAVED, cluster) != bytes ||
+	    wh_ledger_get(&own, store->ledger, WH_LEDGER_SAVED, cluster, entry, bytes) != WH_OK ||
+	    wh_store_verify(&own, store, cluster, scratch, &found) != WH_OK)
+		return false;
+	memcpy(&checksum, entry, sizeof checksum);
+	if (checksum != found)
+		return false;
+	memcpy(result, entry + sizeof checksum, n);
+	return true;
+}
