@@ -127,6 +127,7 @@ typedef struct wh_reduce_report {
 	bool unchanged;            /* the target was no smaller than the input: copied */
 	bool one_less;             /* one face fewer than asked for: parity forbids the count */
 	bool exhausted;            /* stopped above the target: nothing legal was left */
+	bool resumable;            /* after a failure: run_dir keeps what has been done */
 	uint64_t nonmanifold_kept; /* vertices locked because they are not manifold */
 	/* With simplify_topology: vertices doubled because they were not manifold; parts removed;
 	 * boundary loops closed; cuts along a triangle, each of which opens a handle or makes two
@@ -146,7 +147,6 @@ typedef struct wh_reduce_report {
 	wh_phase_report phase[WH_PHASES];
 	double seconds_total;
 	uint64_t resumed; /* times; seconds and bytes are those of all processes together */
-	bool resumable;   /* after a failure: run_dir keeps what has been done */
 } wh_reduce_report;
 
 /* What a reduction would take, from the input's header and the parameters alone. */

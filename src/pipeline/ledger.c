@@ -148,7 +148,7 @@ wh_code wh_ledger_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, cons
 {
 	uint8_t entry[SAVED_MOST];
 	uint64_t checksum;
-	if (!store->ledger)
+	if (!store->ledger || n > SAVED_MOST - sizeof checksum)
 		return WH_OK;
 	if (wh_store_checksum(c, store, cluster, &checksum) != WH_OK)
 		return c->err.code;

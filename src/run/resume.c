@@ -111,7 +111,7 @@ static bool is_at_work(const wh_manifest *m)
 static bool stays_at_work(wh_run *r)
 {
 	enum { TURNS = 40 };
-	const struct timespec turn = {.tv_nsec = 50 * 1000 * 1000};
+	const struct timespec turn = {.tv_nsec = 50L * 1000 * 1000};
 	bool there = is_at_work(&r->book);
 	for (int i = 0; there && i < TURNS && wh_poll(r->c) == WH_OK; i++) {
 		(void)nanosleep(&turn, NULL);
