@@ -187,14 +187,15 @@ typedef struct face {
 enum { MOST_FACES = 2 * WH_MOST_AROUND };
 
 /* What all faces around an edge say of the new place. */
-typedef struct opinions {
-	uint32_t n, hubs; /* faces; the first ones are the hub's */
+typedef struct wh_opinions {
+	bool asked[WH_ROW]; /* about this edge of the fan */
+	uint32_t n, hubs;   /* faces; the first ones are the hub's */
 	double weight[MOST_FACES];
 	double share[MOST_FACES][3]; /* of the corners in a value there */
 	face face[MOST_FACES];
-} opinions;
+} wh_opinions;
 
-static void add_opinion(opinions *o, const face *a, wh_vec3 x)
+static void add_opinion(wh_opinions *o, const face *a, wh_vec3 x)
 {
 	const wh_vec3 e = wh_sub(a->pos[1], a->pos[0]), g = wh_sub(a->pos[2], a->pos[0]);
 	const wh_vec3 n = wh_cross(e, g), y = wh_sub(x, a->pos[0]);
@@ -211,7 +212,7 @@ static void add_opinion(opinions *o, const face *a, wh_vec3 x)
 
 /* The faces around vertex v, whose place is `at` from the hub; those with `skip` left out. */
 static void add_star(const wh_engine *e, uint32_t hub, uint32_t v, uint32_t skip, wh_vec3 x,
-                     opinions *o)
+                     wh_opinions *o)
 {
 	const wh_star *s = &e->w->star[v];
 	const wh_vec3 origin = e->w->star[hub].pos;
@@ -231,7 +232,7 @@ static void add_star(const wh_engine *e, uint32_t hub, uint32_t v, uint32_t skip
 
 /* Mean square, times the weights, of what the faces say less what the value will be: their mean, or
  * that of the locked vertex. */
-static double value_cost(const wh_attribute *a, const opinions *o, const uint8_t *locked)
+static double value_cost(const wh_attribute *a, const wh_opinions *o, const uint8_t *locked)
 {
 	const double base = wh_attribute_get(a, locked ? locked : o->face[0].record[0]);
 	double sum = 0, sum2 = 0, total = 0;
@@ -247,7 +248,7 @@ static double value_cost(const wh_attribute *a, const opinions *o, const uint8_t
 }
 
 /* A label that changes is wrong in all faces around. */
-static double label_cost(const wh_attribute *a, const opinions *o, const uint8_t *kept,
+static double label_cost(const wh_attribute *a, const wh_opinions *o, const uint8_t *kept,
                          const uint8_t *lost, bool hub_kept)
 {
 	double sum = 0;
@@ -258,14 +259,7 @@ static double label_cost(const wh_attribute *a, const opinions *o, const uint8_t
 	return sum;
 }
 
-wh_code wh_blend_begin(wh_engine *e)
-{
-	if (!e->w->opinions)
-		e->w->opinions = wh_alloc(e->c, 1, sizeof *e->w->opinions);
-	return e->w->opinions ? WH_OK : e->c->err.code;
-}
-
-double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
+static double cost_of(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
 {
 	const wh_attributes *as = e->params->attributes;
 	const uint32_t other = f->id[i];
@@ -275,7 +269,7 @@ double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t
 	const bool locked = wh_is_locked(e, other);
 	const bool nearer = !locked && 2 * wh_dot(x, edge) <= wh_norm2(edge);
 	double cost = 0;
-	opinions *o = e->w->opinions;
+	wh_opinions *o = e->w->opinions;
 	o->n = 0;
 	add_star(e, hub, hub, WH_NONE, x, o);
 	o->hubs = o->n;
@@ -293,6 +287,28 @@ double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t
 		cost += c > 0 && isfinite(c) ? unit * unit * c : 0;
 	}
 	return cost;
+}
+
+wh_code wh_blend_begin(wh_engine *e)
+{
+	if (!e->w->opinions)
+		e->w->opinions = wh_alloc(e->c, 1, sizeof *e->w->opinions);
+	return e->w->opinions ? WH_OK : e->c->err.code;
+}
+
+void wh_blend_fan(const wh_engine *e)
+{
+	memset(e->w->opinions->asked, 0, sizeof e->w->opinions->asked);
+}
+
+bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i)
+{
+	bool *asked = &e->w->opinions->asked[i];
+	if (*asked)
+		return false;
+	*asked = true;
+	f->cost.at[i] += cost_of(e, hub, f, i);
+	return true;
 }
 
 static bool is_of_normal(const wh_attributes *as, uint32_t k)
