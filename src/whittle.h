@@ -117,17 +117,19 @@ typedef struct wh_reduce_report {
 	double diagonal;   /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
-	bool checked; /* the counts of the next line are known: a streamed result with very many
-	                 cut vertices may need more memory for them than there is */
 	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
 	int64_t euler;
 	char checksum[33]; /* XXH3-128 of the output's bytes, hexadecimal */
+	bool checked;      /* the edges, components, loops and Euler characteristic are known: a
+	                      streamed result with very many cut vertices may need more memory for
+	                      them than there is */
+	bool streamed;     /* the last round was cluster by cluster, as was the output */
+	bool resumable;    /* after a failure: run_dir keeps what has been done */
 
 	uint64_t target_faces, target_vertices; /* as worked out; 0: none */
 	bool unchanged;            /* the target was no smaller than the input: copied */
 	bool one_less;             /* one face fewer than asked for: parity forbids the count */
 	bool exhausted;            /* stopped above the target: nothing legal was left */
-	bool resumable;            /* after a failure: run_dir keeps what has been done */
 	uint64_t nonmanifold_kept; /* vertices locked because they are not manifold */
 	/* With simplify_topology: vertices doubled because they were not manifold; parts removed;
 	 * boundary loops closed; cuts along a triangle, each of which opens a handle or makes two
@@ -139,7 +141,6 @@ typedef struct wh_reduce_report {
 	uint64_t clusters, cut_vertices; /* of the first partition */
 	uint64_t windows; /* in which it went through the vertices; 1: memory held a table of all */
 	uint64_t rounds;
-	bool streamed;                /* the last round was cluster by cluster, as was the output */
 	uint64_t never_free_vertices; /* of the output: on a cut in every round */
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */

@@ -573,6 +573,37 @@ static void a_hundred_properties_are_not_too_many(void **state)
 	drop(&f);
 }
 
+static void too_many_properties_are_refused_in_words(void **state)
+{
+	(void)state;
+	enum { MANY = WH_MOST_ATTRIBUTES + 1 };
+	fixture f;
+	content o;
+	column *c = calloc(MANY + 3, sizeof *c);
+	for (int k = 0; k < MANY + 3; k++) {
+		(void)snprintf(c[k].name, sizeof c->name, "number_%d", k);
+		c[k].type = WH_U8;
+	}
+	for (int k = 0; k < 3; k++) {
+		(void)snprintf(c[k].name, sizeof c->name, "%c", "xyz"[k]);
+		c[k].type = WH_F32;
+	}
+	open_square(&f);
+	write_square(&f, WH_PLY_LE, c, MANY + 3, scanned);
+	free(c);
+	assert_int_equal(reduce(&f), WH_E_USAGE);
+	assert_non_null(strstr(f.t.ctx.err.text, "--attributes"));
+	nothing_is_left(&f);
+	f.params.attributes = "number_700,number_9";
+	reduces(&f);
+	read_content(&f, f.out, &o);
+	assert_int_equal(o.in.attributes.n, 2);
+	assert_string_equal(o.in.attributes.item[0].name, "number_9");
+	assert_string_equal(o.in.attributes.item[1].name, "number_700");
+	free_content(&f, &o);
+	drop(&f);
+}
+
 static void refused_memory_leaks_nothing(void **state)
 {
 	(void)state;
@@ -787,6 +818,7 @@ int main(void)
 	    cmocka_unit_test(names_choose_what_is_carried),
 	    cmocka_unit_test(values_that_are_no_numbers_do_no_harm),
 	    cmocka_unit_test(a_hundred_properties_are_not_too_many),
+	    cmocka_unit_test(too_many_properties_are_refused_in_words),
 	    cmocka_unit_test(refused_memory_leaks_nothing),
 	    cmocka_unit_test(colours_are_as_good_along_the_cuts),
 	    cmocka_unit_test(weights_keep_colours),

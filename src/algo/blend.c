@@ -178,67 +178,73 @@ static void mix_normal(const wh_attributes *as, const mix *m, uint8_t *to)
 
 /* ---- cost --------------------------------------------------------------------------------- */
 
-/* A face of the fan's edge, its corners' places from the hub and their records. */
-typedef struct face {
-	wh_vec3 pos[3];
-	const uint8_t *record[3];
-} face;
-
-enum { MOST_FACES = 2 * WH_MOST_AROUND };
+enum { MOST_CORNERS = 2 * WH_ROW };
 
 /* What all faces around an edge say of the new place. */
-typedef struct opinions {
-	uint32_t n, hubs; /* faces; the first ones are the hub's */
-	double weight[MOST_FACES];
-	double share[MOST_FACES][3]; /* of the corners in a value there */
-	face face[MOST_FACES];
-} opinions;
+typedef struct wh_opinions {
+	bool asked[WH_ROW];        /* about this edge of the fan */
+	uint32_t corners;          /* the ends of the edge and who is around them */
+	wh_vec3 pos[MOST_CORNERS]; /* from the hub */
+	const uint8_t *record[MOST_CORNERS];
+	double value[MOST_CORNERS]; /* of the attribute at hand */
+	uint32_t n, hubs;           /* faces; the first ones are the hub's */
+	double weight[MOST_CORNERS];
+	double share[MOST_CORNERS][3]; /* of the corners in a value there */
+	uint32_t corner[MOST_CORNERS][3];
+} wh_opinions;
 
-static void add_opinion(opinions *o, const face *a, wh_vec3 x)
+static uint32_t add_corner(const wh_engine *e, wh_vec3 origin, uint32_t v, wh_opinions *o)
 {
-	const wh_vec3 e = wh_sub(a->pos[1], a->pos[0]), g = wh_sub(a->pos[2], a->pos[0]);
-	const wh_vec3 n = wh_cross(e, g), y = wh_sub(x, a->pos[0]);
+	o->pos[o->corners] = wh_sub(e->w->star[v].pos, origin);
+	o->record[o->corners] = wh_patch_attr(e->p, v);
+	return o->corners++;
+}
+
+/* What the face of these corners says of place x. */
+static void add_opinion(wh_opinions *o, uint32_t a, uint32_t b, uint32_t d, wh_vec3 x)
+{
+	const wh_vec3 ab = wh_sub(o->pos[b], o->pos[a]), ad = wh_sub(o->pos[d], o->pos[a]);
+	const wh_vec3 n = wh_cross(ab, ad), ax = wh_sub(x, o->pos[a]);
 	const double n2 = wh_norm2(n);
 	if (!(n2 > 0) || !isfinite(1 / n2))
 		return;
 	double *share = o->share[o->n];
-	share[1] = wh_dot(wh_cross(y, g), n) / n2;
-	share[2] = wh_dot(wh_cross(e, y), n) / n2;
+	share[1] = wh_dot(wh_cross(ax, ad), n) / n2;
+	share[2] = wh_dot(wh_cross(ab, ax), n) / n2;
 	share[0] = 1 - share[1] - share[2];
-	o->weight[o->n] = n2 * wh_face_weight(n2);
-	o->face[o->n++] = *a;
+	memcpy(o->corner[o->n], (uint32_t[]){a, b, d}, sizeof o->corner[0]);
+	o->weight[o->n++] = n2 * wh_face_weight(n2);
 }
 
-/* The faces around vertex v, whose place is `at` from the hub; those with `skip` left out. */
+/* The faces around vertex v; those with `skip` left out. */
 static void add_star(const wh_engine *e, uint32_t hub, uint32_t v, uint32_t skip, wh_vec3 x,
-                     opinions *o)
+                     wh_opinions *o)
 {
 	const wh_star *s = &e->w->star[v];
 	const wh_vec3 origin = e->w->star[hub].pos;
 	const uint32_t *ring = wh_ring(e, v);
-	face a = {.pos = {wh_sub(s->pos, origin)}, .record = {wh_patch_attr(e->p, v)}};
+	const uint32_t tip = add_corner(e, origin, v, o), first = o->corners;
+	for (uint32_t i = 0; i < s->n; i++)
+		(void)add_corner(e, origin, ring[i], o);
 	for (uint32_t i = 0; i < s->n - !s->closed; i++) {
-		const uint32_t id[2] = {ring[i], ring[i + 1 < s->n ? i + 1 : 0]};
-		if (id[0] == skip || id[1] == skip)
-			continue;
-		for (int k = 0; k < 2; k++) {
-			a.pos[1 + k] = wh_sub(e->w->star[id[k]].pos, origin);
-			a.record[1 + k] = wh_patch_attr(e->p, id[k]);
-		}
-		add_opinion(o, &a, x);
+		const uint32_t next = i + 1 < s->n ? i + 1 : 0;
+		if (ring[i] != skip && ring[next] != skip)
+			add_opinion(o, tip, first + i, first + next, x);
 	}
 }
 
 /* Mean square, times the weights, of what the faces say less what the value will be: their mean, or
  * that of the locked vertex. */
-static double value_cost(const wh_attribute *a, const opinions *o, const uint8_t *locked)
+static double value_cost(const wh_attribute *a, wh_opinions *o, const uint8_t *locked)
 {
-	const double base = wh_attribute_get(a, locked ? locked : o->face[0].record[0]);
+	const double base = wh_attribute_get(a, locked ? locked : o->record[0]);
 	double sum = 0, sum2 = 0, total = 0;
+	for (uint32_t i = 0; i < o->corners; i++)
+		o->value[i] = wh_attribute_get(a, o->record[i]) - base;
 	for (uint32_t i = 0; i < o->n; i++) {
-		double d = -base;
+		double d = 0;
 		for (int k = 0; k < 3; k++)
-			d += o->share[i][k] * wh_attribute_get(a, o->face[i].record[k]);
+			d += o->share[i][k] * o->value[o->corner[i][k]];
 		sum += o->weight[i] * d;
 		sum2 += o->weight[i] * d * d;
 		total += o->weight[i];
@@ -247,7 +253,7 @@ static double value_cost(const wh_attribute *a, const opinions *o, const uint8_t
 }
 
 /* A label that changes is wrong in all faces around. */
-static double label_cost(const wh_attribute *a, const opinions *o, const uint8_t *kept,
+static double label_cost(const wh_attribute *a, const wh_opinions *o, const uint8_t *kept,
                          const uint8_t *lost, bool hub_kept)
 {
 	double sum = 0;
@@ -258,14 +264,7 @@ static double label_cost(const wh_attribute *a, const opinions *o, const uint8_t
 	return sum;
 }
 
-wh_code wh_blend_begin(wh_engine *e)
-{
-	if (!e->w->opinions)
-		e->w->opinions = wh_alloc(e->c, 1, sizeof *e->w->opinions);
-	return e->w->opinions ? WH_OK : e->c->err.code;
-}
-
-double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
+static double cost_of(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
 {
 	const wh_attributes *as = e->params->attributes;
 	const uint32_t other = f->id[i];
@@ -275,8 +274,8 @@ double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t
 	const bool locked = wh_is_locked(e, other);
 	const bool nearer = !locked && 2 * wh_dot(x, edge) <= wh_norm2(edge);
 	double cost = 0;
-	opinions *o = e->w->opinions;
-	o->n = 0;
+	wh_opinions *o = e->w->opinions;
+	o->n = o->corners = 0;
 	add_star(e, hub, hub, WH_NONE, x, o);
 	o->hubs = o->n;
 	if (!locked)
@@ -293,6 +292,28 @@ double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t
 		cost += c > 0 && isfinite(c) ? unit * unit * c : 0;
 	}
 	return cost;
+}
+
+wh_code wh_blend_begin(wh_engine *e)
+{
+	if (!e->w->opinions)
+		e->w->opinions = wh_alloc(e->c, 1, sizeof *e->w->opinions);
+	return e->w->opinions ? WH_OK : e->c->err.code;
+}
+
+void wh_blend_fan(const wh_engine *e)
+{
+	memset(e->w->opinions->asked, 0, sizeof e->w->opinions->asked);
+}
+
+bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i)
+{
+	bool *asked = &e->w->opinions->asked[i];
+	if (*asked)
+		return false;
+	*asked = true;
+	f->cost.at[i] += cost_of(e, hub, f, i);
+	return true;
 }
 
 static bool is_of_normal(const wh_attributes *as, uint32_t k)

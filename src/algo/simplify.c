@@ -126,13 +126,11 @@ static uint32_t cheapest(const wh_fan *f)
  * without it. */
 static uint32_t cheapest_weighted(const wh_engine *e, uint32_t v, wh_fan *f)
 {
-	for (;;) {
-		const uint32_t i = cheapest(f);
-		if (f->whole[i] || !(f->cost.at[i] < INFINITY))
-			return i;
-		f->cost.at[i] += wh_blend_cost(e, v, f, i);
-		f->whole[i] = true;
-	}
+	uint32_t i;
+	do
+		i = cheapest(f);
+	while (f->cost.at[i] < INFINITY && wh_blend_weigh(e, v, f, i));
+	return i;
 }
 
 /* Puts v into the queue at this cost of its cheapest edge. */
@@ -368,7 +366,7 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	wh_fan_gather(e, v, f);
 	wh_fan_evaluate(f, &e->w->star[v].sum, e->manner);
 	if (e->weighted)
-		memset(f->whole, 0, f->n * sizeof *f->whole);
+		wh_blend_fan(e);
 	for (;;) {
 		const uint32_t i = e->weighted ? cheapest_weighted(e, v, f) : cheapest(f);
 		const double cost = f->cost.at[i];

@@ -72,7 +72,6 @@ typedef struct wh_fan {
 	/* results: new place, cost, weight of the faces */
 	wh_rows3 place;
 	wh_row cost, weight;
-	bool whole[WH_ROW]; /* the cost has what attributes add, where they have weights */
 } wh_fan;
 
 /* The collapse of an edge of a fan, worked out: the neighbours of the new vertex, counter-clockwise
@@ -146,6 +145,9 @@ typedef struct wh_mark {
 enum { WH_SPILL_CLASSES = 3 }; /* rings of up to 32, 64, 128 */
 
 struct wh_simplify_work {
+	wh_trial trial;
+	wh_fan fan;
+	wh_surgery surgery;
 	wh_queue queue;
 	wh_star *star;
 	wh_mark *mark;
@@ -153,14 +155,11 @@ struct wh_simplify_work {
 	size_t cap_star, cap_mark, cap_first;
 	uint32_t *corner;
 	size_t cap_corner;
-	uint32_t *spill; /* rings that are too long for their stars */
+	struct wh_opinions *opinions; /* of blend.c; NULL until attributes have weights */
+	uint32_t *spill;              /* rings that are too long for their stars */
 	size_t spill_cap, spill_used;
 	uint32_t spill_free[WH_SPILL_CLASSES];
 	uint32_t tick;
-	wh_fan fan;
-	wh_trial trial;
-	wh_surgery surgery;
-	struct opinions *opinions; /* of blend.c; NULL until attributes have weights */
 };
 
 /* How a run weighs time, error and the shape of faces against each other; see simplify.c. */
@@ -318,9 +317,13 @@ void wh_blend(const wh_engine *e, const wh_trial *t);
 /* The same, made of both ends alone: for collapses that are not worked out whole. */
 void wh_blend_ends(const wh_engine *e, wh_trial *t);
 
-/* What the collapse of the fan's edge i costs besides what fan.c says of it: how far attributes
- * with weights would be off. Never negative. */
-wh_code wh_blend_begin(wh_engine *e); /* makes room for it */
-double wh_blend_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i);
+/* What attributes with weights add to costs: room for that, before the first fan; and the fan that
+ * has just been evaluated, whose costs have nothing of it yet. */
+wh_code wh_blend_begin(wh_engine *e);
+void wh_blend_fan(const wh_engine *e);
+
+/* Adds to the cost of the fan's edge i how far attributes would be off after its collapse. False
+ * when that was done before. */
+bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i);
 
 #endif

@@ -58,13 +58,16 @@ static inline void wh_tri_nearest(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c, do
 	const double ca_area = ab_c * ac_a - ab_a * ac_c;
 	const double ab_area = ab_a * ac_b - ab_b * ac_a;
 	const double sum = bc_area + ca_area + ab_area;
-	w[0] = w[1] = w[2] = 0;
-	if (ab_a <= 0 && ac_a <= 0) {
-		w[0] = 1;
-	} else if (ab_b >= 0 && ac_b <= ab_b) {
+	w[0] = 1;
+	w[1] = w[2] = 0;
+	if (ab_a <= 0 && ac_a <= 0)
+		return;
+	if (ab_b >= 0 && ac_b <= ab_b) {
 		w[1] = 1;
+		w[0] = 0;
 	} else if (ac_c >= 0 && ab_c <= ac_c) {
 		w[2] = 1;
+		w[0] = 0;
 	} else if (ab_area <= 0 && ab_a >= 0 && ab_b <= 0 && ab_a > ab_b) {
 		w[1] = ab_a / (ab_a - ab_b);
 		w[0] = 1 - w[1];
@@ -74,12 +77,11 @@ static inline void wh_tri_nearest(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c, do
 	} else if (bc_area <= 0 && ac_b > ab_b && ab_c > ac_c) {
 		w[2] = (ac_b - ab_b) / (ac_b - ab_b + ab_c - ac_c);
 		w[1] = 1 - w[2];
+		w[0] = 0;
 	} else if (sum > 0) {
 		w[1] = ca_area / sum;
 		w[2] = ab_area / sum;
 		w[0] = 1 - w[1] - w[2];
-	} else {
-		w[0] = 1;
 	}
 }
 

@@ -115,9 +115,8 @@ static wh_code describe(wh_ctx *c, wh_ply *p, const header *h, uint64_t nv, uint
 		return c->err.code;
 	if (h->binary)
 		(void)wh_ply_add_property(c, p, "colour", WH_F32, true);
-	else if (h->normals && wh_ply_add_element(c, p, "normals", nv) != WH_OK)
-		return c->err.code;
-	else if (h->colours && wh_ply_add_element(c, p, "colours", nv) != WH_OK)
+	else if ((h->normals && wh_ply_add_element(c, p, "normals", nv) != WH_OK) ||
+	         (h->colours && wh_ply_add_element(c, p, "colours", nv) != WH_OK))
 		return c->err.code;
 	else if (h->texture)
 		(void)wh_ply_add_element(c, p, "texture coordinates", nv);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #ifdef WH_HAVE_ZLIB
+#define ZLIB_CONST
 #include <zlib.h>
 #endif
 #ifdef WH_HAVE_ZSTD
@@ -51,7 +52,7 @@ static wh_code gzip_step(wh_ctx *c, wh_packer *p, wh_pack_step *s)
 	z_stream *z = p->stream;
 	const size_t n = s->n < MOST ? s->n : MOST, room = s->room < MOST ? s->room : MOST;
 	const bool end = s->end && n == s->n;
-	z->next_in = (unsigned char *)(uintptr_t)s->in; /* zlib does not write there */
+	z->next_in = s->in;
 	z->avail_in = (uInt)n;
 	z->next_out = s->out;
 	z->avail_out = (uInt)room;

@@ -151,7 +151,7 @@ static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	(void)index;
 	emit *e = arg;
 	const wh_patch *p = &e->hands[worker].patch;
-	wh_progress_add(e->progress, 2 * p->nf);
+	wh_progress_add(e->progress, (uint64_t)2 * p->nf);
 	return wh_mesh_facets(c, &e->out, &p->pos->x, e->unscale, p->tri, p->nf);
 }
 

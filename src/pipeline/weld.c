@@ -461,7 +461,7 @@ static uint32_t share_out(uint64_t n, uint64_t each, uint32_t most)
 static void plan(weld *w)
 {
 	w->corners = 3 * w->soup->facets;
-	w->key = 3 * wh_type_size(w->soup->type);
+	w->key = (size_t)3 * wh_type_size(w->soup->type);
 	w->id = w->corners > UINT32_MAX ? 8 : 4;
 	w->nbuckets = share_out(w->corners, BUCKET, MOST_BUCKETS);
 	const uint32_t ranges = share_out(w->corners, RANGE, MOST_RANGES);
@@ -471,12 +471,11 @@ static void plan(weld *w)
 
 static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, bin_file *ranges)
 {
-	const size_t record = w->key + w->id, block = BLOCK * record;
+	const size_t record = w->key + w->id, block = BLOCK * record, pair = (size_t)2 * w->id;
 	h->raw = wh_alloc(c, BATCH, w->soup->stride);
 	h->xyz = wh_alloc(c, BATCH, 9 * sizeof *h->xyz);
 	h->bucket = wh_alloc(c, BATCH, 3 * sizeof *h->bucket);
-	h->block =
-	    wh_alloc(c, block > RANGE_BLOCK * 2 * w->id ? block : RANGE_BLOCK * 2 * w->id, 1);
+	h->block = wh_alloc(c, block > RANGE_BLOCK * pair ? block : RANGE_BLOCK * pair, 1);
 	h->firsts = wh_alloc(c, BATCH, 9 * sizeof *h->firsts);
 	if (!h->raw || !h->xyz || !h->bucket || !h->block || !h->firsts)
 		return wh_failed(c);

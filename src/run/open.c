@@ -77,6 +77,14 @@ static void note_dropped(wh_reduce_report *t, const char *name)
 	note_name(t->dropped, sizeof t->dropped, name);
 }
 
+/* The same for a property; those of faces often have the names of some of vertices. */
+static void note_property(wh_reduce_report *t, const char *name, bool of_faces)
+{
+	char text[300];
+	(void)snprintf(text, sizeof text, of_faces ? "%.250s of faces" : "%.250s", name);
+	note_dropped(t, text);
+}
+
 /* Appends the names of the attributes of a kind, and the kind. */
 static void note_carried(wh_reduce_report *t, const wh_attributes *a, wh_kind kind)
 {
@@ -112,7 +120,7 @@ void wh_run_list_dropped(wh_run *r)
 			note_dropped(r->report, e->name);
 		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
 			if (vertex ? !is_kept(r, k) : k != p->corners)
-				note_dropped(r->report, e->props[k].name);
+				note_property(r->report, e->props[k].name, face);
 	}
 	if (r->input.source.is_double && !r->params->ascii &&
 	    (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
