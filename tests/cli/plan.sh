@@ -37,7 +37,9 @@ holds() {
 "$WHITTLE" generate -q -o sphere.ply --faces 2M
 "$WHITTLE" generate -q -o shuffled.ply --faces 1M --order shuffled --shape torus
 "$WHITTLE" generate -q -o terrain.ply --faces 1M --shape terrain --double
-for memory in 96M 160M 512M; do
+ceilings="96M 160M 512M"
+[ -z "${WHITTLE_SANITIZE:-}" ] || ceilings=160M # what a ceiling changes is memory, of which they say nothing
+for memory in $ceilings; do
 	holds "sphere to 1 %" $memory sphere.ply --faces 1%
 	holds "sphere to 50 %" $memory sphere.ply --faces 50% --cluster-faces 100k
 	holds "shuffled torus to 5 %" $memory shuffled.ply --faces 5% --cluster-faces 100k
