@@ -126,17 +126,66 @@ static bool add_weight(reduce_options *o, const char *arg)
 	return strchr(arg, '=') && n > 0 && (size_t)n < room;
 }
 
+/* The switch that an option turns on; NULL: it is none. */
+static bool *switch_of(reduce_options *o, int opt)
+{
+	wh_reduce_params *p = &o->params;
+	switch (opt) {
+	case OPT_FAST:
+		return &p->fast;
+	case OPT_LOCK:
+		return &p->lock_boundary;
+	case OPT_RESUME:
+		return &p->resume;
+	case OPT_ASCII:
+		return &p->ascii;
+	case 'f':
+		return &p->force;
+	case 'q':
+		return &o->quiet;
+	case 'v':
+		return &o->verbose;
+	case OPT_NO_PROGRESS:
+		return &o->no_progress;
+	case OPT_JSON:
+		return &o->json;
+	case 'h':
+		return &o->help;
+	default:
+		return NULL;
+	}
+}
+
+/* Where the value of an option is kept as it is; NULL: it has to be understood. */
+static const char **text_of(reduce_options *o, int opt)
+{
+	wh_reduce_params *p = &o->params;
+	switch (opt) {
+	case 'o':
+		return &p->output;
+	case OPT_ATTRIBUTES:
+		return &p->attributes;
+	case OPT_TEMP:
+		return &p->temp_dir;
+	case OPT_TO:
+		return &p->to;
+	case OPT_REPORT:
+		return &o->report;
+	case OPT_SEAMS:
+		return &p->seams;
+	default:
+		return NULL;
+	}
+}
+
 /* False when the argument makes no sense. */
-static bool take_option(reduce_options *o, int opt, const char *arg)
+static bool take_value(reduce_options *o, int opt, const char *arg)
 {
 	wh_reduce_params *p = &o->params;
 	uint64_t n = 0;
 	wh_format format;
 	bool ok = true;
 	switch (opt) {
-	case 'o':
-		p->output = arg;
-		break;
 	case 'n':
 		ok = parse_target(arg, &p->faces, &p->face_ratio);
 		break;
@@ -150,17 +199,8 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 	case OPT_ERROR:
 		ok = parse_error_limit(arg, p);
 		break;
-	case OPT_FAST:
-		p->fast = true;
-		break;
-	case OPT_LOCK:
-		p->lock_boundary = true;
-		break;
 	case OPT_TOPOLOGY:
 		ok = parse_topology(arg, &p->simplify_topology);
-		break;
-	case OPT_ATTRIBUTES:
-		p->attributes = arg;
 		break;
 	case OPT_WEIGHT:
 		ok = add_weight(o, arg);
@@ -173,31 +213,13 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 		ok = parse_size(arg, false, &n) && n <= 1024;
 		p->threads = (int)n;
 		break;
-	case OPT_TEMP:
-		p->temp_dir = arg;
-		break;
 	case OPT_FROM:
 		ok = cmd_parse_from(arg, &format);
 		p->from = arg;
 		break;
-	case OPT_TO:
-		p->to = arg;
-		break;
 	case OPT_RUN_DIR:
 		ok = *arg != '\0';
 		p->run_dir = arg;
-		break;
-	case OPT_RESUME:
-		p->resume = true;
-		break;
-	case OPT_ASCII:
-		p->ascii = true;
-		break;
-	case OPT_REPORT:
-		o->report = arg;
-		break;
-	case OPT_SEAMS:
-		p->seams = arg;
 		break;
 	case OPT_CLUSTER:
 		ok = parse_size(arg, false, &p->cluster_faces) &&
@@ -211,25 +233,24 @@ static bool take_option(reduce_options *o, int opt, const char *arg)
 	case OPT_FINAL:
 		ok = parse_size(arg, false, &p->final_faces) && p->final_faces > 0;
 		break;
-	case 'f':
-		p->force = true;
-		break;
-	case 'q':
-		o->quiet = true;
-		break;
-	case 'v':
-		o->verbose = true;
-		break;
-	case OPT_NO_PROGRESS:
-		o->no_progress = true;
-		break;
-	case OPT_JSON:
-		o->json = true;
-		break;
 	default:
-		o->help = true;
+		ok = false;
 	}
 	return ok;
+}
+
+/* False when the argument makes no sense. */
+static bool take_option(reduce_options *o, int opt, const char *arg)
+{
+	bool *on = switch_of(o, opt);
+	const char **text = text_of(o, opt);
+	if (on)
+		*on = true;
+	else if (text)
+		*text = arg;
+	else
+		return take_value(o, opt, arg);
+	return true;
 }
 
 static const char *option_name(int opt)

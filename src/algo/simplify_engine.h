@@ -219,6 +219,13 @@ static inline double wh_face_weight(double n2)
 	return w;
 }
 
+/* A face may turn by at most acos of this in one collapse. There is no rule against thin faces:
+ * scans are full of them, and collapses that pass through them are needed (refusing to thin a
+ * face below 2 area / sum of squared edges = 0.02 stopped a dragon at eight times its count).
+ * Against turning over in several steps a face may not pass to the other side of the mean direction
+ * around the edge. */
+static const double WH_MIN_COSINE = 0.2;
+
 /* ---- star.c ------------------------------------------------------------------------------- */
 
 /* Makes the stars of the patch: finds boundary vertices, and fixes those that are not manifold.
@@ -232,6 +239,15 @@ static inline uint32_t *wh_ring(const wh_engine *e, uint32_t v)
 {
 	wh_star *s = &e->w->star[v];
 	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
+}
+
+/* Where a neighbour is in a ring that has it. */
+static inline uint32_t wh_ring_place(const uint32_t *ring, uint32_t id)
+{
+	uint32_t i = 0;
+	while (ring[i] != id)
+		i++;
+	return i;
 }
 
 /* v's ring becomes these n neighbours, at most WH_MOST_AROUND. */

@@ -75,9 +75,8 @@ wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n)
 wh_code wh_ring_remove(wh_engine *e, uint32_t v, uint32_t id)
 {
 	wh_star *s = &e->w->star[v];
-	uint32_t *r = wh_ring(e, v), i = 0;
-	while (r[i] != id)
-		i++;
+	uint32_t *r = wh_ring(e, v);
+	const uint32_t i = wh_ring_place(r, id);
 	memmove(&r[i], &r[i + 1], (s->n - i - 1) * sizeof *r);
 	if (ring_class(s->n - 1) != ring_class(s->n)) {
 		uint32_t copy[WH_MOST_AROUND];

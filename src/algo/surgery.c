@@ -32,9 +32,6 @@
 #include <math.h>
 #include <string.h>
 
-/* As in trial.c: a face may turn by at most acos of this. */
-static const double MIN_COSINE = 0.2;
-
 enum { OF_U = 1, OF_V = 2 };
 
 /* Stand in rings for the new vertices while those still have their former names. */
@@ -54,10 +51,8 @@ typedef struct end {
 static end end_of(const wh_engine *e, uint32_t v, uint32_t other, uint8_t mark)
 {
 	const wh_star *s = &e->w->star[v];
-	end a = {.ring = wh_ring(e, v), .n = s->n, .closed = s->closed, .mark = mark};
-	while (a.ring[a.at] != other)
-		a.at++;
-	return a;
+	const uint32_t *ring = wh_ring(e, v);
+	return (end){ring, s->n, wh_ring_place(ring, other), s->closed, mark};
 }
 
 /* Appends `count` neighbours of one end from place `from` on, going round. The face behind each is
@@ -168,21 +163,13 @@ static void take_out(wh_sheet *t, uint32_t i, uint32_t j, wh_sheet *out)
 	t->n -= n;
 }
 
-static uint32_t place_of(const uint32_t *ring, uint32_t id)
-{
-	uint32_t i = 0;
-	while (ring[i] != id)
-		i++;
-	return i;
-}
-
 /* w's ring in two: what lies between `from` and `to`, going round, and the others. False where
  * that is no part of an open ring. */
 static bool part_ring(const wh_engine *e, wh_surgery *s, uint32_t from, uint32_t to)
 {
 	const wh_star *w = &e->w->star[s->w];
 	const uint32_t *ring = wh_ring(e, s->w);
-	const uint32_t a = place_of(ring, from), b = place_of(ring, to);
+	const uint32_t a = wh_ring_place(ring, from), b = wh_ring_place(ring, to);
 	if (!w->closed && a > b)
 		return false;
 	s->inner = s->outer = 0;
@@ -265,7 +252,7 @@ static bool face_holds(wh_vec3 from, wh_vec3 to, wh_vec3 p, wh_vec3 q)
 	const wh_vec3 edge = wh_sub(q, p);
 	const wh_vec3 o = wh_cross(wh_sub(p, from), edge), n = wh_cross(wh_sub(p, to), edge);
 	const double d = wh_dot(o, n), o2 = wh_norm2(o), n2 = wh_norm2(n);
-	return !(o2 > 0) || (d > 0 && d * d >= MIN_COSINE * MIN_COSINE * o2 * n2);
+	return !(o2 > 0) || (d > 0 && d * d >= WH_MIN_COSINE * WH_MIN_COSINE * o2 * n2);
 }
 
 static bool sheet_holds(const wh_engine *e, const wh_surgery *s, const wh_sheet *t)

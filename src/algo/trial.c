@@ -18,12 +18,6 @@
 #include <math.h>
 #include <string.h>
 
-/* A face may turn by at most acos of this in one collapse. There is no rule against thin faces:
- * scans are full of them, and collapses that pass through them are needed (refusing to thin a
- * face below 2 area / sum of squared edges = 0.02 stopped a dragon at eight times its count).
- * Against turning over in several steps a face may not pass to the other side of the mean direction
- * around the edge. */
-static const double MIN_COSINE = 0.2;
 /* Longest step of new positions / length of the collapsed edge, both as powers of two. */
 static const double STEP_MOST = 0x1p-8;
 /* A sum that falls below this share of itself is summed afresh: rounding errors stay behind when
@@ -38,14 +32,6 @@ typedef struct side {
 	uint32_t n, at;
 	bool closed, hub;
 } side;
-
-static uint32_t find(const uint32_t *ring, uint32_t id)
-{
-	uint32_t i = 0;
-	while (ring[i] != id)
-		i++;
-	return i;
-}
 
 /* Appends `count` neighbours of a side, from place `from` on, going round. */
 static void append(const wh_engine *e, const wh_fan *f, wh_vec3 hub, const side *s, uint32_t from,
@@ -255,7 +241,7 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 		ok = make_locked(e, f, &us, h->pos, t);
 	} else {
 		side them = {wh_ring(e, t->u), o->n, 0, o->closed, false};
-		them.at = find(them.ring, hub);
+		them.at = wh_ring_place(them.ring, hub);
 		ok = make_free(e, f, &us, &them, h->pos, t);
 	}
 	if (!ok)
@@ -298,7 +284,7 @@ WH_VECTOR_CLONES static double turn(wh_trial *restrict t, wh_vec3 mean)
 			const double n2 = nx * nx + ny * ny + nz * nz;
 			const double side0 = ox * mean.x + oy * mean.y + oz * mean.z;
 			const double side1 = nx * mean.x + ny * mean.y + nz * mean.z;
-			const double least = MIN_COSINE * MIN_COSINE * o2 * n2;
+			const double least = WH_MIN_COSINE * WH_MIN_COSINE * o2 * n2;
 			const bool turns = (o2 > 0) & !((d > 0) & (d * d >= least));
 			const bool passes = (side1 < 0) & (side0 >= 0);
 			const bool in = i < faces;
@@ -442,7 +428,7 @@ WH_VECTOR_CLONES static void find_gains(wh_trial *restrict t)
 static void lose_shared(wh_trial *t)
 {
 	for (uint32_t k = 0; k < t->nshared; k++) {
-		const uint32_t i = find(t->id, t->apex[k]);
+		const uint32_t i = wh_ring_place(t->id, t->apex[k]);
 		const wh_vec3 n = t->lost[k], wn = wh_scale(n, wh_face_weight(wh_norm2(n)));
 		t->gain[0].at[i] -= wn.x * n.x;
 		t->gain[1].at[i] -= wn.x * n.y;

@@ -1,5 +1,7 @@
 #include "mesh/separate.h"
 
+#include "mesh/sets.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -21,7 +23,7 @@ typedef struct separate {
 	wh_patch *p;
 	uint32_t *first;  /* per vertex: its corners in `corner` */
 	uint32_t *corner; /* places in p->tri, grouped by vertex */
-	uint32_t *set;    /* per corner of the vertex at hand: union-find over its faces */
+	uint32_t *set;    /* per corner of the vertex at hand: its faces in sets */
 	spoke *spoke;     /* of the vertex at hand */
 	fan *fan;         /* per set */
 	size_t cap_spoke, cap_set, cap_fan;
@@ -53,29 +55,17 @@ static int compare_spokes(const void *a, const void *b)
 	return (x->corner > y->corner) - (x->corner < y->corner);
 }
 
-/* The way is halved for the next who asks. */
-static uint32_t root(uint32_t *set, uint32_t i)
-{
-	while (set[i] != i) {
-		set[i] = set[set[i]];
-		i = set[i];
-	}
-	return i;
-}
-
 /* Holds the faces around v together that share a sound edge. */
 static void join_faces(separate *s, uint32_t n)
 {
 	const spoke *e = s->spoke;
-	for (uint32_t i = 0; i < n; i++)
-		s->set[i] = i;
+	wh_sets_init(s->set, n);
 	for (uint32_t i = 0, j; i < 2 * n; i = j) {
 		for (j = i + 1; j < 2 * n && e[j].to == e[i].to; j++) {
 		}
 		if (j - i != 2 || e[i].leaves == e[i + 1].leaves)
 			continue;
-		const uint32_t a = root(s->set, e[i].corner), b = root(s->set, e[i + 1].corner);
-		s->set[a > b ? a : b] = a > b ? b : a;
+		(void)wh_sets_join(s->set, e[i].corner, e[i + 1].corner);
 	}
 }
 
@@ -83,7 +73,7 @@ static void count_fans(separate *s, uint32_t n)
 {
 	memset(s->fan, 0, n * sizeof *s->fan);
 	for (uint32_t i = 0; i < n; i++) {
-		fan *f = &s->fan[root(s->set, i)];
+		fan *f = &s->fan[wh_sets_find(s->set, i)];
 		f->faces++;
 		f->last = i;
 	}
@@ -158,7 +148,7 @@ static wh_code name_fans(wh_ctx *c, separate *s, uint32_t v, const uint32_t *cor
 	bool kept = false;
 	for (uint32_t i = 0; i < n; i++) {
 		fan *f = &s->fan[i];
-		if (root(s->set, i) != i)
+		if (wh_sets_find(s->set, i) != i)
 			continue;
 		if (is_pillow(s, corner, i))
 			f->name = WH_NONE;
@@ -170,7 +160,7 @@ static wh_code name_fans(wh_ctx *c, separate *s, uint32_t v, const uint32_t *cor
 		}
 	}
 	for (uint32_t i = 0; i < n; i++)
-		s->corner[corner - s->corner + i] = s->fan[root(s->set, i)].name;
+		s->corner[corner - s->corner + i] = s->fan[wh_sets_find(s->set, i)].name;
 	return WH_OK;
 }
 

@@ -13,12 +13,6 @@
 
 #include "mesh/patch.h"
 
-/* Bytes that it takes for a while, beside the patch. */
-static inline size_t wh_separate_bytes(uint64_t nv, uint64_t nf)
-{
-	return (size_t)nv * 8 + (size_t)nf * 36 + 1024;
-}
-
 typedef struct wh_separated {
 	uint64_t doubled; /* vertices added */
 	uint64_t pillows; /* pairs of faces that went */

@@ -11,8 +11,7 @@
  *     collapses-K                  the trial of cluster K is  its cluster is settled
  *     step-N                       step N begins              it is in the manifest
  *     cuts                         ingest, for --seams        last
- *     *.TOKEN.part                 half done                  when its process ends, or the next
- * begins
+ *     *.TOKEN.part                 half done                  its process ends, or the next begins
  *
  * Cluster files are removed only after the manifest that no longer needs them was flushed. Whoever
  * resumes a run reads all clusters of its store first; where one is damaged, the store before it
