@@ -71,7 +71,7 @@ static wh_code take_formats(wh_run *r)
 
 static wh_code open_all(wh_run *r, wh_outfile **out)
 {
-	if (take_formats(r) != WH_OK)
+	if (take_formats(r) != WH_OK || wh_run_take_policy(r) != WH_OK)
 		return r->c->err.code;
 	if (!r->params->run_dir && wh_run_open_output(r, out) != WH_OK)
 		return r->c->err.code;
@@ -200,7 +200,7 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 	wh_ply *ply = &r->input.ply;
 	wh_source *src = &r->input.source;
 	const char *temp_dir = r->params->temp_dir;
-	if (take_formats(r) != WH_OK ||
+	if (take_formats(r) != WH_OK || wh_run_take_policy(r) != WH_OK ||
 	    (temp_dir && wh_spill_open(r->c, &r->spill, temp_dir, NULL) != WH_OK) ||
 	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
 	                  wh_run_attributes(r), &r->input) != WH_OK)

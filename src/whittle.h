@@ -10,6 +10,7 @@
 
 #define WHITTLE_VERSION "0.1.0"
 
+#include "base/edge_view.h"
 #include "base/mem.h"
 #include "base/status.h"
 
@@ -37,6 +38,15 @@ typedef struct wh_reduce_params {
 	                           error of the moment; else the topology stays as it is */
 	bool fast;              /* less time for a little more error */
 	bool lock_boundary;     /* boundary edges stay exactly as they are */
+
+	/* Which collapse comes first, and where it puts its vertex. NULL: the usual.
+	 * cost: "memoryless" (the usual, and much the fastest), "qem", "qem-normals", "melax",
+	 * "edge-length". face_weight, of faces in the quadrics of qem and the normals of
+	 * qem-normals: "area" (the usual), "uniform", "angle". placement: "optimal", "midpoint",
+	 * "endpoint"; the usual one is the first that goes with the cost: endpoint for melax,
+	 * midpoint for edge-length, else optimal. */
+	const char *cost, *face_weight, *placement;
+	const wh_own_policy *own; /* a cost of the caller's own, instead; NULL: none */
 
 	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
 	 * commas between them, where colour, normal and texture stand for all of that kind. */

@@ -14,6 +14,9 @@ enum {
 	OPT_FAST,
 	OPT_LOCK,
 	OPT_TOPOLOGY,
+	OPT_COST,
+	OPT_FACE_WEIGHT,
+	OPT_PLACEMENT,
 	OPT_ATTRIBUTES,
 	OPT_WEIGHT,
 	OPT_MEMORY,
@@ -42,6 +45,9 @@ static const struct option long_options[] = {
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
     {"topology", required_argument, NULL, OPT_TOPOLOGY},
+    {"cost", required_argument, NULL, OPT_COST},
+    {"weight", required_argument, NULL, OPT_FACE_WEIGHT},
+    {"placement", required_argument, NULL, OPT_PLACEMENT},
     {"attributes", required_argument, NULL, OPT_ATTRIBUTES},
     {"weight-of", required_argument, NULL, OPT_WEIGHT},
     {"memory", required_argument, NULL, OPT_MEMORY},
@@ -165,6 +171,12 @@ static const char **text_of(reduce_options *o, int opt)
 		return &p->output;
 	case OPT_ATTRIBUTES:
 		return &p->attributes;
+	case OPT_COST:
+		return &p->cost;
+	case OPT_FACE_WEIGHT:
+		return &p->face_weight;
+	case OPT_PLACEMENT:
+		return &p->placement;
 	case OPT_TEMP:
 		return &p->temp_dir;
 	case OPT_TO:

@@ -62,6 +62,10 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_flag(o, "fast", p->fast);
 	put_flag(o, "lock_boundary", p->lock_boundary);
 	put_text(o, "topology", p->simplify_topology ? "simplify" : "keep");
+	put_text(o, "cost", p->own ? "own" : p->cost ? p->cost : "memoryless");
+	put_text(o, "own_policy", p->own && p->own->name ? p->own->name : "");
+	put_text(o, "face_weight", p->face_weight ? p->face_weight : "area");
+	put_text(o, "placement", p->placement ? p->placement : "usual");
 	put_text(o, "attributes", p->attributes ? p->attributes : "all");
 	put_text(o, "weights", p->weights ? p->weights : "");
 	put_count(o, "memory_bytes", r->memory_ceiling);

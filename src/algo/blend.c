@@ -342,6 +342,12 @@ void wh_blend(const wh_engine *e, const wh_trial *t)
 	}
 }
 
+void wh_blend_take(const wh_engine *e, const wh_trial *t)
+{
+	if (2 * wh_dot(t->to, t->edge) > wh_norm2(t->edge))
+		memcpy(wh_patch_attr(e->p, t->v), wh_patch_attr(e->p, t->u), e->p->attr_bytes);
+}
+
 void wh_blend_ends(const wh_engine *e, wh_trial *t)
 {
 	t->n = t->faces = t->nshared = 0;

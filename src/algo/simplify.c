@@ -10,7 +10,8 @@
  * the mesh, so a vertex on a cut needs no special care.
  *
  * Stars are in star.c, costs in fan.c, what may be collapsed in trial.c, and what may be where the
- * topology is free in surgery.c.
+ * topology is free in surgery.c. Another cost or place than these is a policy's (policy.h): the
+ * loop is the same, but vertices are evaluated as soon as they or what is around them change.
  *
  * Order. Every free vertex waits in a bucket queue (queue.h) at the cost of its cheapest edge, or,
  * before it was first evaluated, at a guess from its own faces. Where a collapse changes the faces
@@ -49,6 +50,7 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w->corner);
 	wh_free(c, w->spill);
 	wh_free(c, w->opinions);
+	wh_free(c, w->quadric);
 	wh_free(c, w);
 }
 
@@ -101,7 +103,7 @@ static double guess_share(const wh_engine *e)
 
 static uint32_t slack(const wh_engine *e)
 {
-	return is_exact(e) ? 0 : e->manner->slack;
+	return is_exact(e) || e->policy ? 0 : e->manner->slack;
 }
 
 /* ---- the loop ----------------------------------------------------------------------------- */
@@ -143,9 +145,13 @@ static void enqueue_at(wh_engine *e, uint32_t v, double cost)
 }
 
 /* A vertex that was not evaluated yet: where the guess is above the cost limit the truth may be
- * below it. */
+ * below it. For policies there are no guesses. */
 static void enqueue_unseen(wh_engine *e, uint32_t v)
 {
+	if (e->policy) {
+		enqueue_at(e, v, wh_policy_least(e, v));
+		return;
+	}
 	const double guess = guess_share(e) * e->w->star[v].guess;
 	enqueue_at(e, v, fmin(guess, fmin(e->params->max_cost, DBL_MAX)));
 }
@@ -216,10 +222,35 @@ static void bury(wh_engine *e, uint32_t v)
 	e->dead = v;
 }
 
+static void enqueue_anew(wh_engine *e, uint32_t v)
+{
+	wh_queue_remove(&e->w->queue, v);
+	enqueue_unseen(e, v);
+}
+
+/* The neighbours of a new vertex, where a policy has other costs for them now. */
+static void enqueue_around(wh_engine *e, const wh_trial *t)
+{
+	for (uint32_t i = 0; i < t->n; i++)
+		if (!wh_is_locked(e, t->id[i]))
+			enqueue_anew(e, t->id[i]);
+}
+
+static void blend(const wh_engine *e, const wh_trial *t)
+{
+	if (!e->params->attributes || t->into_locked)
+		return;
+	if (e->policy && e->placement == WH_PLACE_ENDPOINT)
+		wh_blend_take(e, t);
+	else
+		wh_blend(e, t);
+}
+
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
-	if (e->params->attributes && !t->into_locked)
-		wh_blend(e, t);
+	blend(e, t);
+	if (e->policy)
+		wh_policy_merge(e, t);
 	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;
@@ -229,10 +260,11 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 	wh_queue_remove(&e->w->queue, t->u);
 	if (e->surgery)
 		bury(e, t->u);
+	if (e->policy && wh_policy_is_wide(e))
+		enqueue_around(e, t);
 	if (t->into_locked)
 		return WH_OK;
-	wh_queue_remove(&e->w->queue, t->v);
-	enqueue_unseen(e, t->v);
+	enqueue_anew(e, t->v);
 	return WH_OK;
 }
 
@@ -262,12 +294,6 @@ typedef enum verdict {
  *     cut 0.05, shell 1       1473     6426    2087    4188
  */
 static const double CUT_SHARE = 0.15, SHELL_SHARE = 2;
-
-static void enqueue_anew(wh_engine *e, uint32_t v)
-{
-	wh_queue_remove(&e->w->queue, v);
-	enqueue_unseen(e, v);
-}
 
 static wh_code operate(wh_engine *e, wh_surgery *s, double cost, double weight, double err)
 {
@@ -364,7 +390,10 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	wh_fan *f = &e->w->fan;
 	bool spared = false;
 	wh_fan_gather(e, v, f);
-	wh_fan_evaluate(f, &e->w->star[v].sum, e->manner);
+	if (e->policy)
+		wh_policy_evaluate(e, v, f);
+	else
+		wh_fan_evaluate(f, &e->w->star[v].sum, e->manner);
 	if (e->weighted)
 		wh_blend_fan(e);
 	for (;;) {
@@ -396,7 +425,7 @@ static bool goes_back(wh_engine *e, uint32_t v, uint32_t bucket)
 {
 	wh_queue *q = &e->w->queue;
 	const uint32_t now = wh_queue_bucket(q, e->w->star[v].guess);
-	if (now <= bucket + slack(e))
+	if (now <= bucket + slack(e) || e->policy)
 		return false;
 	wh_queue_push(q, v, now);
 	return true;
@@ -475,13 +504,32 @@ static double cost_scale(const wh_patch *p)
 	return d2 > 0 ? d2 * d2 * sqrt(d2) : 1;
 }
 
+/* The same where costs are a policy's, in whatever unit: far above the dearest of some vertices. */
+static double policy_scale(const wh_engine *e)
+{
+	enum { PROBES = 257 };
+	const uint32_t step = e->p->nv / PROBES + 1;
+	double most = 0;
+	for (uint32_t v = 0; v < e->p->nv; v += step) {
+		const double cost = e->w->star[v].n ? wh_policy_least(e, v) : 0;
+		if (cost < INFINITY)
+			most = fmax(most, cost);
+	}
+	return most > 0 ? fmin(0x1p60 * most, DBL_MAX) : 1;
+}
+
+static double queue_top(const wh_engine *e)
+{
+	if (isfinite(e->params->max_cost))
+		return e->params->max_cost;
+	return e->policy ? policy_scale(e) : cost_scale(e->p);
+}
+
 static wh_code pass(wh_engine *e)
 {
-	const double top = e->params->max_cost;
 	e->dead = WH_NONE;
 	if (wh_stars_build(e) != WH_OK ||
-	    wh_queue_reset(e->c, &e->w->queue, e->p->nv, isfinite(top) ? top : cost_scale(e->p)) !=
-	        WH_OK)
+	    wh_queue_reset(e->c, &e->w->queue, e->p->nv, queue_top(e)) != WH_OK)
 		return e->c->err.code;
 	enqueue_all(e);
 	if (drain(e) != WH_OK)
@@ -510,6 +558,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .weighted = params->attributes && params->attributes->weighted,
 	               .faces = p->nf,
 	               .vertices = p->nv};
+	wh_policy_choose(&e);
 	if (reached(&e))
 		return WH_OK;
 	if (p->nf == 0) {

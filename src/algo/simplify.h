@@ -7,6 +7,7 @@
 #ifndef WH_ALGO_SIMPLIFY_H
 #define WH_ALGO_SIMPLIFY_H
 
+#include "algo/policy.h"
 #include "mesh/collapse.h"
 
 struct wh_attributes;
@@ -53,6 +54,9 @@ typedef struct wh_simplify_params {
 	const struct wh_attributes *attributes; /* what the patch's records hold; NULL: nothing */
 	double attribute_unit; /* an attribute that is off by 1 with a weight of 1 costs as much as
 	                          a surface that is off by this distance */
+	wh_policy_choice policy; /* other costs and places: they go neither with weights of
+	                            attributes nor, but for the memoryless cost, with
+	                            free_topology */
 } wh_simplify_params;
 
 typedef struct wh_simplify_result {
@@ -80,7 +84,8 @@ typedef struct wh_simplify_work wh_simplify_work;
 wh_simplify_work *wh_simplify_work_new(wh_ctx *c);
 void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
 
-/* Bytes of workspace that a patch of these counts takes, the patch itself not included. */
+/* Bytes of workspace that a patch of these counts takes, the patch itself not included; without
+ * those of a policy (wh_policy_bytes). */
 size_t wh_simplify_bytes(uint64_t nv, uint64_t nf);
 
 /*

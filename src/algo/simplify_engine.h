@@ -7,12 +7,15 @@
  *     trial.c          one collapse worked out: link condition, turning faces, distance
  *     surgery.c        collapses that the link condition forbids, with a change of topology
  *     blend.c          the attributes of the vertex that a collapse makes
+ *     policy*.c        other costs and places than those of fan.c (policy.h)
+ *     smooth.c         the result made smoother
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
 
 #include "algo/queue.h"
 #include "algo/simplify.h"
+#include "geom/quadric.h"
 
 #include <math.h>
 #include <string.h>
@@ -156,7 +159,9 @@ struct wh_simplify_work {
 	uint32_t *corner;
 	size_t cap_corner;
 	struct wh_opinions *opinions; /* of blend.c; NULL until attributes have weights */
-	uint32_t *spill;              /* rings that are too long for their stars */
+	wh_quadric *quadric;          /* of policy_qem.c: one for each vertex, about its place */
+	size_t cap_quadric;
+	uint32_t *spill; /* rings that are too long for their stars */
 	size_t spill_cap, spill_used;
 	uint32_t spill_free[WH_SPILL_CLASSES];
 	uint32_t tick;
@@ -183,6 +188,8 @@ typedef struct wh_engine {
 	wh_patch *p;
 	const wh_simplify_params *params;
 	const wh_manner *manner;
+	const struct wh_policy *policy; /* NULL: the costs and places of fan.c */
+	wh_placement placement;         /* with a policy */
 	wh_simplify_result *result;
 	bool weighted;            /* attributes have weights */
 	uint32_t faces, vertices; /* alive */
@@ -341,5 +348,28 @@ void wh_blend_fan(const wh_engine *e);
 /* Adds to the cost of the fan's edge i how far attributes would be off after its collapse. False
  * when that was done before. */
 bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i);
+
+/* Gives the vertex that stays the attributes of the end that it is put at, or is nearer to. */
+void wh_blend_take(const wh_engine *e, const wh_trial *t);
+
+/* ---- policy.c ----------------------------------------------------------------------------- */
+
+/* Sets the engine's policy and placement. */
+void wh_policy_choose(wh_engine *e);
+
+/* Place and cost of the collapse of each edge of the fan that was gathered of `hub`. */
+void wh_policy_evaluate(const wh_engine *e, uint32_t hub, wh_fan *f);
+
+/* The cost of the cheapest edge of the free vertex v. The workspace's fan is lost. */
+double wh_policy_least(const wh_engine *e, uint32_t v);
+
+/* A run begins, with its stars made and all its faces in the patch. */
+wh_code wh_policy_begin(wh_engine *e);
+
+/* A collapse is about to be made. */
+void wh_policy_merge(wh_engine *e, const wh_trial *t);
+
+/* True when a collapse may change the costs of more edges than those of the new vertex. */
+bool wh_policy_is_wide(const wh_engine *e);
 
 #endif

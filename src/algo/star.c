@@ -326,6 +326,8 @@ wh_code wh_stars_build(wh_engine *e)
 			return e->c->err.code;
 	}
 	sum_all(e);
+	if (e->policy && wh_policy_begin(e) != WH_OK)
+		return e->c->err.code;
 	keep_still(e);
 	return WH_OK;
 }

@@ -218,6 +218,13 @@ static void find_shared(const wh_fan *f, uint32_t i, wh_trial *t)
 		note_shared(&f->after, i, f->id[i + 1 < f->n ? i + 1 : 0], t);
 }
 
+/* A policy may put the vertex at the other end, to the bit. */
+static bool is_at_other(const wh_engine *e, const wh_fan *f, uint32_t i)
+{
+	return e->policy && f->place.x.at[i] == f->to.x.at[i] &&
+	       f->place.y.at[i] == f->to.y.at[i] && f->place.z.at[i] == f->to.z.at[i];
+}
+
 bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i, wh_trial *t)
 {
 	const wh_star *h = &e->w->star[hub], *o = &e->w->star[f->id[i]];
@@ -227,7 +234,7 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 	t->edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
 	t->cost = f->cost.at[i];
 	t->weight = f->weight.at[i];
-	t->x = t->into_locked
+	t->x = t->into_locked || is_at_other(e, f, i)
 	           ? o->pos
 	           : new_position(e, h->pos,
 	                          wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]),

@@ -6,6 +6,25 @@
 
 #include <stdbool.h>
 
+#define WH_PI 3.14159265358979323846
+
+/* The angle, from 0 to pi, whose sine (not negative) and cosine, times anything, are these. Halved
+ * until few terms of the series are enough: C libraries do not agree on the last bits of theirs. */
+static inline double wh_angle(double sine, double cosine)
+{
+	const double norm = sqrt(sine * sine + cosine * cosine);
+	if (!(norm > 0))
+		return 0;
+	double t = sine / (norm + fabs(cosine)); /* tangent of the half */
+	for (int i = 0; i < 2; i++)
+		t = t / (1 + sqrt(1 + t * t));
+	double sum = 0;
+	for (int k = 21; k > 0; k -= 2)
+		sum = 1.0 / k - t * t * sum;
+	const double angle = 8 * t * sum;
+	return cosine < 0 ? WH_PI - angle : angle;
+}
+
 /* Squared distance of the origin from the segment between a and a + ab; ab may be 0. */
 static inline double wh_segment_dist2(wh_vec3 a, wh_vec3 ab)
 {

@@ -3,10 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, size_t state)
 {
 	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes);
-	const size_t engine = wh_simplify_bytes(nv, nf);
+	const size_t engine = wh_simplify_bytes(nv, nf) + (size_t)nv * state;
 	/* while clusters are put together, one of them is there as a file and as a patch, too */
 	const size_t loading = 2 * wh_patch_bytes(nv, nf, attr_bytes);
 	return patch_bytes + (loading > engine ? loading : engine) + ((size_t)2 << 20);

@@ -206,8 +206,14 @@ static const double RESERVE = 1.15;
 static double cluster_need(const forecast *f, double nf)
 {
 	const wh_store s = layout(f, true);
-	return (double)wh_round_bytes(&s, (uint64_t)(0.55 * RESERVE * nf),
-	                              (uint64_t)(RESERVE * nf));
+	return (double)wh_round_bytes(&s, (uint64_t)(0.55 * RESERVE * nf), (uint64_t)(RESERVE * nf),
+	                              f->q->state);
+}
+
+/* Of the state that the engine's policy keeps, a face. */
+static double state_of(const forecast *f)
+{
+	return 0.5 * (double)f->q->state;
 }
 
 /* A round that keeps a share of the faces. */
@@ -218,7 +224,7 @@ static void round_of(forecast *f, double keep)
 	const double whole =
 	    cut ? (wh_plan_keep_micro(&f->q->sizes, keep) + MICRO_LEFT) * nf + micro : nf;
 	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
-	                      TOUCHED_ROUND * fmin(whole, nf + micro) + SAVE_BUFFER;
+	                      (TOUCHED_ROUND + state_of(f)) * fmin(whole, nf + micro) + SAVE_BUFFER;
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
 	const double border =
 	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-pow(keep / BORDER_FADES, 2));
@@ -252,7 +258,7 @@ static void recut(forecast *f)
 static void settle(forecast *f, double target)
 {
 	const double nf = largest_cluster(f);
-	const double expect = loaded(f, nf) + TOUCHED_SETTLE * nf + SAVE_BUFFER;
+	const double expect = loaded(f, nf) + (TOUCHED_SETTLE + state_of(f)) * nf + SAVE_BUFFER;
 	stage(f, WH_PLAN_SETTLE, cluster_need(f, nf), busy(f, expect));
 	const double next = round_store(f, target);
 	disk(f, next);
@@ -307,15 +313,16 @@ static void last_rounds(forecast *f)
 static void last_pass(forecast *f)
 {
 	const uint64_t nf = (uint64_t)f->faces, nv = nf / 2;
-	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf, f->attr),
-	      f->faces * TOUCHED_FINAL + patch_of(f, f->faces));
+	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf, f->attr, f->q->state),
+	      f->faces * (TOUCHED_FINAL + state_of(f)) + patch_of(f, f->faces));
 }
 
 static void largest_last_pass(forecast *f)
 {
 	const double most =
 	    fmin((double)wh_plan_final_limit(&f->q->sizes), (double)f->q->source.nf);
-	const size_t need = wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most, f->attr);
+	const size_t need =
+	    wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most, f->attr, f->q->state);
 	if (need > f->p->stage[WH_PLAN_FINAL].need)
 		f->p->stage[WH_PLAN_FINAL].need = need;
 }

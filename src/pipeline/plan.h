@@ -64,6 +64,7 @@ typedef struct wh_plan_query {
 	uint64_t rewrite_bytes; /* temporary copy of a body that cannot be used in place; 0 */
 	wh_plan_sizes sizes;
 	double share;  /* of the faces, wanted; 0: no count */
+	size_t state;  /* bytes that the engine's policy keeps for a vertex */
 	size_t memory; /* ceiling */
 	int threads;
 } wh_plan_query;

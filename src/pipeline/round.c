@@ -151,10 +151,10 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_ledger_saved(c, r->to, k, out, sizeof *out);
 }
 
-size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
+size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf, size_t state)
 {
 	return wh_store_scratch_bytes(store, nv, nf) + wh_cluster_bytes(nv, nf, store->attr_bytes) +
-	       wh_rerun_bytes(nv, store->attr_bytes);
+	       (size_t)nv * state + wh_rerun_bytes(nv, store->attr_bytes);
 }
 
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)

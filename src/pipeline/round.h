@@ -29,8 +29,9 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 /* The cost at which a share `keep` of the surveyed vertices is left. */
 double wh_survey_cost(const wh_survey *survey, double keep);
 
-/* Bytes that a worker takes for a cluster of these counts in such a store. */
-size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf);
+/* Bytes that a worker takes for a cluster of these counts in such a store, with `state` bytes for
+ * each vertex that the engine's policy keeps. */
+size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf, size_t state);
 
 /* Decimates every cluster of `from` into `to` (spill, generation and ledger set by the caller; the
  * rest is filled in). `from` stays. Clusters that the ledger has are left as they are. */

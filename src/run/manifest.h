@@ -42,6 +42,7 @@ typedef struct wh_choices {
 	bool ascii, seams, simplify_topology, fast, lock_boundary;
 	uint64_t from, to, packing;             /* formats, as numbers */
 	uint64_t attributes_hash, weights_hash; /* of what was asked for; 0: nothing */
+	uint64_t cost, face_weight, placement, own_hash;
 } wh_choices;
 
 typedef enum wh_step_kind {

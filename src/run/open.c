@@ -135,6 +135,7 @@ static wh_plan make_plan(const wh_run *r)
 	                         .rewrite_bytes = wh_input_temp_bytes(&r->input),
 	                         .sizes = r->sizes,
 	                         .share = wh_run_share(r),
+	                         .state = wh_run_state_bytes(r),
 	                         .memory = r->memory,
 	                         .threads = r->exec.workers};
 	wh_plan p;

@@ -10,7 +10,7 @@ wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	*ex = wh_run_workers(r, wh_round_bytes(&r->store, max_v, max_f));
+	*ex = wh_run_workers(r, wh_round_bytes(&r->store, max_v, max_f, wh_run_state_bytes(r)));
 	return WH_OK;
 }
 

@@ -145,8 +145,44 @@ wh_ply_style wh_run_style(const wh_run *r)
 	                      .attributes = r->input.source.attributes};
 }
 
+wh_code wh_run_take_policy(wh_run *r)
+{
+	const wh_reduce_params *p = r->params;
+	wh_policy_choice *k = &r->policy;
+	if (p->cost && !wh_cost_parse(p->cost, &k->cost))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no cost: give memoryless, qem, qem-normals, melax or "
+		               "edge-length",
+		               p->cost);
+	if (p->face_weight && !wh_weight_parse(p->face_weight, &k->weight))
+		return wh_fail(r->c, WH_E_USAGE, "'%s' is no weight: give area, uniform or angle",
+		               p->face_weight);
+	if (p->placement && !wh_placement_parse(p->placement, &k->placement))
+		return wh_fail(r->c, WH_E_USAGE,
+		               "'%s' is no placement: give optimal, midpoint or endpoint",
+		               p->placement);
+	k->own = p->own;
+	k->cost = p->own ? WH_COST_OWN : k->cost;
+	if (k->cost == WH_COST_MEMORYLESS)
+		return WH_OK;
+	/* what those two weigh against collapses is in the units of the memoryless cost */
+	if (p->simplify_topology || p->weights)
+		return wh_fail(r->c, WH_E_USAGE,
+		               "%s goes with the memoryless cost only: leave out the one or the "
+		               "other",
+		               p->weights ? "a weight of properties" : "--topology simplify");
+	return WH_OK;
+}
+
+size_t wh_run_state_bytes(const wh_run *r)
+{
+	return wh_policy_bytes(&r->policy);
+}
+
 wh_simplify_params wh_run_engine(const wh_run *r)
 {
+	wh_policy_choice policy = r->policy;
+	policy.unscale = 1 / r->ingest.scale;
 	return (wh_simplify_params){.max_cost = INFINITY,
 	                            .max_err = r->max_err * r->ingest.scale,
 	                            .fast = r->params->fast,
@@ -154,6 +190,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .lock_boundary = r->params->lock_boundary,
 	                            .float_positions = !r->input.source.is_double,
 	                            .step = r->ingest.step,
+	                            .policy = policy,
 	                            .attributes = r->input.source.attributes,
 	                            .attribute_unit = r->report->diagonal * r->ingest.scale / 100};
 }

@@ -36,6 +36,7 @@ typedef struct wh_run {
 	wh_format from; /* of the input, where the user says so */
 	wh_format to;   /* of the output */
 	wh_packing packing;
+	wh_policy_choice policy; /* but for its unscale */
 	wh_input input;
 	bool input_open;
 	wh_ingest_result ingest;
@@ -92,6 +93,10 @@ void wh_run_note_unreferenced(wh_run *r, uint64_t n);
 const char *wh_run_attributes(const wh_run *r);
 wh_ply_style wh_run_style(const wh_run *r);
 wh_simplify_params wh_run_engine(const wh_run *r);
+/* Bytes that the engine keeps for a vertex besides its workspace. */
+size_t wh_run_state_bytes(const wh_run *r);
+/* The policy that the parameters name. */
+wh_code wh_run_take_policy(wh_run *r);
 wh_plan_sizes wh_run_sizes(const wh_reduce_params *p);
 void wh_run_note_check(wh_run *r, const wh_check *found);
 

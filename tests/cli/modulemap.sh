@@ -64,7 +64,7 @@ family() {
 	local name=${1##*/}
 	name=${name%%.*}
 	case $name in
-	queue | star | fan | trial | surgery | blend) echo simplify ;;
+	queue | star | fan | trial | surgery | blend | policy* | smooth) echo simplify ;;
 	*) echo "${name%%_*}" ;;
 	esac
 }
