@@ -73,11 +73,18 @@ static wh_code open_all(wh_run *r, wh_outfile **out)
 {
 	if (take_formats(r) != WH_OK || wh_run_take_policy(r) != WH_OK)
 		return r->c->err.code;
+	if (r->params->stage == WH_STAGE_PLAN || wh_run_is_part(r)) /* which have no outputs */
+		return wh_run_open_spill(r);
 	if (!r->params->run_dir && wh_run_open_output(r, out) != WH_OK)
 		return r->c->err.code;
 	if (wh_run_open_spill(r) != WH_OK || wh_run_try_output(r) != WH_OK ||
 	    wh_run_open_seams(r) != WH_OK)
 		return r->c->err.code;
+	return WH_OK;
+}
+
+static wh_code open_input(wh_run *r)
+{
 	wh_run_phase_begin(r);
 	return wh_run_phase_end(r, WH_PHASE_OPEN,
 	                        wh_run_is_begun(r) ? wh_run_reopen_input(r)
@@ -86,10 +93,11 @@ static wh_code open_all(wh_run *r, wh_outfile **out)
 
 static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
-	if (open_all(r, out) != WH_OK)
+	if (open_all(r, out) != WH_OK || wh_run_stage(r) != WH_OK || open_input(r) != WH_OK)
 		return r->c->err.code;
 	if (wh_run_copies(r)) {
-		if (wh_run_write_seams(r, false) != WH_OK || wh_run_open_output(r, out) != WH_OK)
+		if (wh_run_end_rounds(r) != WH_OK || wh_run_write_seams(r, false) != WH_OK ||
+		    wh_run_open_output(r, out) != WH_OK)
 			return r->c->err.code;
 		return wh_run_copy_input(r, out);
 	}
@@ -99,14 +107,15 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 	    wh_run_write_seams(r, false) != WH_OK || wh_run_rounds(r) != WH_OK)
 		return r->c->err.code;
 	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
-		if (wh_run_settle(r) != WH_OK || wh_run_check_clusters(r) != WH_OK ||
-		    wh_run_open_output(r, out) != WH_OK || wh_run_emit(r, out) != WH_OK)
+		if (wh_run_settle(r) != WH_OK || wh_run_end_rounds(r) != WH_OK ||
+		    wh_run_check_clusters(r) != WH_OK || wh_run_open_output(r, out) != WH_OK ||
+		    wh_run_emit(r, out) != WH_OK)
 			return r->c->err.code;
 		return WH_OK;
 	}
-	if (wh_run_stitch(r) != WH_OK || wh_run_final_pass(r) != WH_OK ||
-	    wh_run_check(r) != WH_OK || wh_run_open_output(r, out) != WH_OK ||
-	    wh_run_write(r, out) != WH_OK)
+	if (wh_run_end_rounds(r) != WH_OK || wh_run_stitch(r) != WH_OK ||
+	    wh_run_final_pass(r) != WH_OK || wh_run_check(r) != WH_OK ||
+	    wh_run_open_output(r, out) != WH_OK || wh_run_write(r, out) != WH_OK)
 		return r->c->err.code;
 	return WH_OK;
 }
@@ -138,6 +147,8 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
 	if (p->resume && !p->run_dir)
 		return wh_fail(c, WH_E_USAGE, "--resume needs the --run-dir that is to be resumed");
+	if (wh_run_sensible_stage(c, p) != WH_OK)
+		return c->err.code;
 	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)
 		return wh_fail(c, WH_E_USAGE,
 		               "threads, cluster or micro-cluster size out of range");
@@ -189,6 +200,10 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_spill_close(c, &r.spill);
 	c->mem->limit = old_limit;
 	report->seconds_total = wh_seconds() - r.start;
+	if (report->paused) {
+		c->err = (wh_error){0};
+		return WH_OK;
+	}
 	return code == WH_OK ? verdict(&r) : code;
 }
 
@@ -230,6 +245,7 @@ static void fill_plan(const wh_run *r, wh_plan_report *report)
 	report->rounds = r->plan.rounds;
 	report->passes = r->plan.passes;
 	report->streamed = r->plan.streams;
+	report->shared_input = !report->unchanged && wh_run_shares_input(r);
 	report->memory_least = r->plan.least;
 	report->peak_rss = r->plan.peak_ram;
 	report->temp_bytes_peak = r->plan.peak_disk;

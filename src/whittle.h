@@ -14,6 +14,22 @@
 #include "base/mem.h"
 #include "base/status.h"
 
+/*
+ * A run can be shared by processes on several machines that see one run directory, in stages: one
+ * plans it; then each ingests a part of the input; one joins what they left, and goes on to the
+ * next round; each decimates a part of its clusters; one joins again ...; one finishes. Every
+ * stage can be done again at any time, and by two at once: only of PLAN, JOIN and FINISH there
+ * should be one at a time. ALL does whatever is not done.
+ */
+typedef enum wh_stage {
+	WH_STAGE_ALL,
+	WH_STAGE_PLAN,     /* makes the run directory */
+	WH_STAGE_INGEST,   /* one part */
+	WH_STAGE_DECIMATE, /* one part of a round */
+	WH_STAGE_JOIN,     /* needs all parts; goes on to where parts can share again */
+	WH_STAGE_FINISH    /* needs all parts; goes on to the end */
+} wh_stage;
+
 /* What to do. Zero-initialise with wh_reduce_defaults. */
 typedef struct wh_reduce_params {
 	const char *input;  /* PLY, OBJ, OFF or STL file */
@@ -67,6 +83,10 @@ typedef struct wh_reduce_params {
 	const char *run_dir;
 	bool resume; /* go on with the run in run_dir, where there is one; without it such a run is
 	                refused. What decides the result's bytes must be the same. */
+	wh_stage stage;
+	uint32_t parts; /* of PLAN: how many there are to be; else 0 or the same number */
+	uint32_t part;  /* of INGEST and DECIMATE, from 0 */
+	uint32_t round; /* of DECIMATE, from 1 */
 	/* Told in a sentence what a resumed run goes on from. May be NULL. */
 	void (*notice)(void *user, const char *text);
 	void *notice_user;
@@ -135,6 +155,9 @@ typedef struct wh_reduce_report {
 	                      them than there is */
 	bool streamed;     /* the last round was cluster by cluster, as was the output */
 	bool resumable;    /* after a failure: run_dir keeps what has been done */
+	bool paused; /* what was asked for is done, and the run is not: the stage comes before the
+	                end, and nothing but the input's counts is told here */
+	uint32_t next_round; /* of a JOIN that paused: to be decimated in parts */
 
 	uint64_t target_faces, target_vertices; /* as worked out; 0: none */
 	bool unchanged;            /* the target was no smaller than the input: copied */
@@ -170,6 +193,8 @@ typedef struct wh_plan_report {
 	uint32_t clusters, windows;
 	int rounds, passes; /* passes: over the input */
 	bool streamed;
+	bool shared_input; /* parts can ingest: not what has to be rewritten or unpacked first, and
+	                      not with seams */
 	int threads;
 	size_t memory_ceiling;
 	size_t memory_least; /* smallest ceiling that would not be refused */
@@ -186,7 +211,8 @@ wh_reduce_params wh_reduce_defaults(void);
  * perhaps the seams, where it is the output's last step that fails) and
  * nothing temporary is left but what params->run_dir keeps. A resumed run fails with WH_E_USAGE
  * when other parameters are given, and with WH_E_INPUT when the input is another one. c->mem->limit
- * is set from params->memory for the time of the call.
+ * is set from params->memory for the time of the call. A stage before the end leaves with WH_OK and
+ * report->paused. One that comes too early fails with WH_E_RUN, and tells what is missing.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
 

@@ -13,6 +13,7 @@
 
 int cmd_reduce(int argc, char **argv);
 int cmd_plan(int argc, char **argv);
+int cmd_stage(int argc, char **argv);
 int cmd_info(int argc, char **argv);
 int cmd_check(int argc, char **argv);
 int cmd_compare(int argc, char **argv);

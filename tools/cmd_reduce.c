@@ -4,11 +4,14 @@
 #include "progress_bar.h"
 #include "reduce_options.h"
 #include "reduce_report.h"
+#include "reduce_run.h"
 #include "whittle.h"
 
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
@@ -227,6 +230,86 @@ static void print_how_to_resume(const reduce_options *o, int argc, char **argv, 
 	(void)fputc('\n', stderr);
 }
 
+/* ---- stages ------------------------------------------------------------------------------- */
+
+/* What comes next, after a stage that is not the last. */
+static void print_paused(const reduce_options *o, const wh_reduce_report *r)
+{
+	const wh_reduce_params *p = &o->params;
+	if (p->stage != WH_STAGE_JOIN)
+		(void)printf("done\n");
+	else if (r->next_round)
+		(void)printf("joined; next: whittle stage decimate --round %u\n", r->next_round);
+	else
+		(void)printf("joined; next: whittle stage finish\n");
+}
+
+/* With -v each stage tells in a file of its own, in the run directory, how it went. */
+static void write_log(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r)
+{
+	static const char *const name[] = {"all", "plan", "ingest", "decimate", "join", "finish"};
+	const wh_reduce_params *p = &o->params;
+	char path[PATH_MAX], host[256] = "";
+	if (!o->verbose || p->stage == WH_STAGE_ALL || p->stage == WH_STAGE_PLAN)
+		return;
+	size_t n = (size_t)snprintf(path, sizeof path, "%s/log-%s", p->run_dir, name[p->stage]);
+	if (p->stage == WH_STAGE_DECIMATE && n < sizeof path)
+		n += (size_t)snprintf(path + n, sizeof path - n, "-%u", p->round);
+	if ((p->stage == WH_STAGE_DECIMATE || p->stage == WH_STAGE_INGEST) && n < sizeof path)
+		n += (size_t)snprintf(path + n, sizeof path - n, "-part-%05u", p->part + 1);
+	FILE *f = n < sizeof path ? fopen(path, "ae") : NULL;
+	if (!f)
+		return; /* a log is no reason to fail */
+	(void)gethostname(host, sizeof host - 1);
+	(void)fprintf(f, "%s, process %ld: %.2f s, %d threads, peak memory %.0f MiB: %s\n", host,
+	              (long)getpid(), r->seconds_total, r->threads,
+	              (double)cmd_peak_rss() / 1048576.0,
+	              env->ctx.err.code == WH_OK ? "done" : env->ctx.err.text);
+	for (int i = 0; i < WH_PHASES; i++)
+		if (r->phase[i].seconds > 0)
+			print_phase(f, wh_phase_name((wh_phase)i), &r->phase[i], r->threads);
+	(void)fclose(f);
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
+{
+	const bool last = o->params.stage == WH_STAGE_ALL || o->params.stage == WH_STAGE_FINISH;
+	if (last && (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK))
+		return WH_E_USAGE;
+	cmd_env env;
+	cmd_env_init(&env, name);
+	if (last && o->report && reduce_report_try(&env, o->report, o->params.force) != 0)
+		return WH_E_RUN;
+	progress_bar bar;
+	progress_bar_init(&bar, !o->quiet && !o->no_progress);
+	o->params.progress = progress_bar_tell;
+	o->params.progress_user = &bar;
+	o->params.notice = print_notice;
+	o->params.notice_user = o;
+	if (o->params.run_dir)
+		cmd_stop_on_usr1();
+	wh_reduce_report report;
+	const wh_code code = wh_reduce(&env.ctx, &o->params, &report);
+	progress_bar_end(&bar);
+	write_log(o, &env, &report);
+	if (code != WH_OK && code != WH_E_TARGET) {
+		const int failed = cmd_report_failure(&env);
+		if (o->params.stage == WH_STAGE_ALL &&
+		    (report.resumable || (o->params.run_dir && code == WH_E_INTERRUPT)))
+			print_how_to_resume(o, argc, argv, report.resumable);
+		return failed;
+	}
+	if (!o->quiet && report.paused && o->params.stage != WH_STAGE_PLAN)
+		print_paused(o, &report);
+	else if (!o->quiet && !report.paused)
+		print_summary(prints_output(o) ? stderr : stdout, o, &report);
+	if (last && o->report && reduce_report_write(&env, o->report, &o->params, &report) != 0)
+		return WH_E_RUN;
+	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
+}
+
 int cmd_reduce(int argc, char **argv)
 {
 	reduce_options o = {.params = wh_reduce_defaults()};
@@ -237,32 +320,5 @@ int cmd_reduce(int argc, char **argv)
 		(void)fputs(help, stdout);
 		return WH_OK;
 	}
-	if (check_report_name(&o) != WH_OK || check_seams_name(&o) != WH_OK)
-		return WH_E_USAGE;
-	cmd_env env;
-	cmd_env_init(&env, "reduce");
-	if (o.report && reduce_report_try(&env, o.report, o.params.force) != 0)
-		return WH_E_RUN;
-	progress_bar bar;
-	progress_bar_init(&bar, !o.quiet && !o.no_progress);
-	o.params.progress = progress_bar_tell;
-	o.params.progress_user = &bar;
-	o.params.notice = print_notice;
-	o.params.notice_user = &o;
-	if (o.params.run_dir)
-		cmd_stop_on_usr1();
-	wh_reduce_report report;
-	const wh_code code = wh_reduce(&env.ctx, &o.params, &report);
-	progress_bar_end(&bar);
-	if (code != WH_OK && code != WH_E_TARGET) {
-		const int failed = cmd_report_failure(&env);
-		if (report.resumable || (o.params.run_dir && code == WH_E_INTERRUPT))
-			print_how_to_resume(&o, argc, argv, report.resumable);
-		return failed;
-	}
-	if (!o.quiet)
-		print_summary(prints_output(&o) ? stderr : stdout, &o, &report);
-	if (o.report && reduce_report_write(&env, o.report, &o.params, &report) != 0)
-		return WH_E_RUN;
-	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
+	return reduce_run(argv[0], &o, argc, argv);
 }

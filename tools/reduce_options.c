@@ -23,6 +23,7 @@ enum {
 	OPT_THREADS,
 	OPT_TEMP,
 	OPT_RUN_DIR,
+	OPT_PARTS,
 	OPT_RESUME,
 	OPT_ASCII,
 	OPT_FROM,
@@ -56,6 +57,7 @@ static const struct option long_options[] = {
     {"from", required_argument, NULL, OPT_FROM},
     {"to", required_argument, NULL, OPT_TO},
     {"run-dir", required_argument, NULL, OPT_RUN_DIR},
+    {"parts", required_argument, NULL, OPT_PARTS},
     {"resume", no_argument, NULL, OPT_RESUME},
     {"ascii", no_argument, NULL, OPT_ASCII},
     {"report", required_argument, NULL, OPT_REPORT},
@@ -233,6 +235,10 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		ok = *arg != '\0';
 		p->run_dir = arg;
 		break;
+	case OPT_PARTS:
+		ok = parse_size(arg, false, &n) && n >= 1 && n <= 65536;
+		p->parts = (uint32_t)n;
+		break;
 	case OPT_CLUSTER:
 		ok = parse_size(arg, false, &p->cluster_faces) &&
 		     (p->cluster_faces == 0 || p->cluster_faces >= 1000) &&
@@ -294,6 +300,8 @@ static const char *expected(int opt)
 		return "a property and a weight, such as colour=0.5";
 	case OPT_RUN_DIR:
 		return "the name of a folder";
+	case OPT_PARTS:
+		return "a number from 1 to 65536";
 	case OPT_CLUSTER:
 		return "0 or a count from 1000 to 100M";
 	case OPT_FROM:
@@ -349,7 +357,13 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 	o->params.input = argv[optind];
 	if (o->json && !plan)
 		return cmd_usage_error(argv[0], "--json is an option of plan; use --report FILE");
-	if (!o->params.output && !plan)
+	if (o->params.parts && !plan)
+		return cmd_usage_error(argv[0], "--parts is an option of plan");
+	if (plan && !o->params.parts != !o->params.run_dir)
+		return cmd_usage_error(argv[0],
+		                       "--run-dir and --parts go together: DIR is made for "
+		                       "so many parts; see whittle stage --help");
+	if (!o->params.output && (!plan || o->params.run_dir))
 		return cmd_usage_error(argv[0], "no output given: add -o FILE");
 	if (o->params.resume && !o->params.run_dir)
 		return cmd_usage_error(argv[0], "--resume needs the --run-dir to go on with");

@@ -15,6 +15,7 @@ typedef struct command {
 static const command commands[] = {
     {"reduce", cmd_reduce, "IN -o OUT --faces N", "reduce a mesh to a size or an error"},
     {"plan", cmd_plan, "IN --faces N", "what reduce would take: memory, disk, rounds"},
+    {"stage", cmd_stage, "STAGE --run-dir DIR", "a part of a run on several machines"},
     {"info", cmd_info, "FILE", "what a mesh file holds, from its header"},
     {"check", cmd_check, "FILE", "manifold, boundary, components, defects"},
     {"compare", cmd_compare, "A B", "two-sided distance of two meshes"},

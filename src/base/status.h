@@ -23,7 +23,8 @@ typedef enum wh_code {
 	WH_E_TARGET = 4,    /* the target cannot be reached; the best mesh was written */
 	WH_E_PLAN = 5,      /* the memory or disk ceiling cannot be met */
 	WH_E_INTERRUPT = 6, /* the caller asked to stop (the command maps it to 128 + signal) */
-	WH_E_IRREGULAR = 7  /* internal: a fast path met data it cannot handle; nothing reported */
+	WH_E_IRREGULAR = 7, /* internal: a fast path met data it cannot handle; nothing reported */
+	WH_E_PAUSE = 8      /* internal: this process' part of a run is done */
 } wh_code;
 
 typedef struct wh_error {

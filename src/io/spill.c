@@ -209,6 +209,43 @@ bool wh_spill_is_used(const wh_spill *s)
 	return whole;
 }
 
+typedef struct viewer {
+	bool (*see)(void *to, const char *name);
+	void *to;
+} viewer;
+
+static bool see_name(void *to, int dirfd, const char *name)
+{
+	(void)dirfd;
+	const viewer *v = to;
+	return v->see(v->to, name);
+}
+
+void wh_spill_each(const wh_spill *s, bool (*see)(void *to, const char *name), void *to)
+{
+	viewer v = {see, to};
+	look_through(s->dirfd, see_name, &v);
+}
+
+typedef struct removal {
+	wh_spill *s;
+	const char *prefix;
+} removal;
+
+static bool see_prefix(void *to, const char *name)
+{
+	const removal *r = to;
+	if (strncmp(name, r->prefix, strlen(r->prefix)) == 0)
+		wh_spill_remove(r->s, name);
+	return true;
+}
+
+void wh_spill_remove_all(wh_spill *s, const char *prefix)
+{
+	removal r = {s, prefix};
+	wh_spill_each(s, see_prefix, &r);
+}
+
 void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside)
 {
 	if (!s->dir)

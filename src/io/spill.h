@@ -57,6 +57,10 @@ bool wh_spill_is_used(const wh_spill *s);
 /* Removes all of a kept folder, the file `last` at last (NULL: none), and closes it. `outside`: the
  * folder around it, too, when nothing else is in it. */
 void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside);
+/* Shows the name of every file in the folder to `see`, until it returns false. */
+void wh_spill_each(const wh_spill *s, bool (*see)(void *to, const char *name), void *to);
+/* Removes all files whose names begin so. */
+void wh_spill_remove_all(wh_spill *s, const char *prefix);
 /* Makes sure that what was renamed in the folder stays renamed. */
 wh_code wh_spill_flush(wh_ctx *c, const wh_spill *s);
 

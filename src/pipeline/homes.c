@@ -27,10 +27,12 @@ size_t wh_homes_bytes_after(const wh_homes_params *p)
 wh_code wh_homes_open(wh_ctx *c, wh_homes *h, wh_spill *spill, const wh_homes_params *p)
 {
 	*h = (wh_homes){.spill = spill,
+	                .base = p->base,
 	                .vertices = p->vertices,
 	                .window = windowed(p) ? p->window : p->vertices,
 	                .chunk_corners = p->chunk_corners,
-	                .end = windowed(p) ? 0 : p->vertices,
+	                .first = p->base,
+	                .end = windowed(p) ? p->base : p->base + p->vertices,
 	                .vertex_fd = -1,
 	                .corner_fd = -1};
 	h->table = wh_alloc(c, h->window, sizeof *h->table);
@@ -61,8 +63,8 @@ wh_code wh_homes_put(wh_ctx *c, const wh_homes *h, uint64_t first, size_t n, con
 {
 	if (!in_memory(h))
 		return wh_spill_pwrite(c, h->spill, h->vertex_fd, home, n * sizeof *home,
-		                       first * sizeof *home);
-	memcpy(h->table + first, home, n * sizeof *home);
+		                       (first - h->base) * sizeof *home);
+	memcpy(h->table + (first - h->base), home, n * sizeof *home);
 	return WH_OK;
 }
 
@@ -70,8 +72,8 @@ wh_code wh_homes_get(wh_ctx *c, const wh_homes *h, uint64_t first, size_t n, uin
 {
 	if (!in_memory(h))
 		return wh_spill_pread(c, h->spill, h->vertex_fd, home, n * sizeof *home,
-		                      first * sizeof *home);
-	memcpy(home, h->table + first, n * sizeof *home);
+		                      (first - h->base) * sizeof *home);
+	memcpy(home, h->table + (first - h->base), n * sizeof *home);
 	return WH_OK;
 }
 
@@ -84,14 +86,16 @@ uint64_t wh_homes_windows(const wh_homes *h)
 
 wh_code wh_homes_window(wh_ctx *c, wh_homes *h, uint64_t w)
 {
-	h->first = w * h->window;
-	h->end = h->vertices - h->first < h->window ? h->vertices : h->first + h->window;
+	const uint64_t last = h->base + h->vertices;
+	h->first = h->base + w * h->window;
+	h->end = last - h->first < h->window ? last : h->first + h->window;
 	return wh_homes_get(c, h, h->first, (size_t)(h->end - h->first), h->table);
 }
 
 bool wh_homes_wants(const wh_homes *h, int64_t chunk)
 {
-	return h->first == 0 || (h->range[chunk].lo < h->end && h->range[chunk].hi >= h->first);
+	return h->first == h->base ||
+	       (h->range[chunk].lo < h->end && h->range[chunk].hi >= h->first);
 }
 
 static wh_homes_range find_range(const uint64_t *corner, size_t n)
@@ -107,7 +111,7 @@ static wh_homes_range find_range(const uint64_t *corner, size_t n)
 wh_code wh_homes_fill(wh_ctx *c, wh_homes *h, int64_t chunk, const uint64_t *corner, size_t n,
                       uint16_t *scratch)
 {
-	if (h->first == 0)
+	if (h->first == h->base)
 		h->range[chunk] = find_range(corner, n);
 	if (!wh_homes_wants(h, chunk) || h->range[chunk].lo >= h->end)
 		return WH_OK;
@@ -142,6 +146,6 @@ wh_code wh_homes_corners(wh_ctx *c, const wh_homes *h, int64_t chunk, const uint
 		return wh_spill_pread(c, h->spill, h->corner_fd, home, n * sizeof *home,
 		                      (uint64_t)chunk * h->chunk_corners * sizeof *home);
 	for (size_t i = 0; i < n; i++)
-		home[i] = h->table[corner[i]];
+		home[i] = h->table[corner[i] - h->base];
 	return WH_OK;
 }

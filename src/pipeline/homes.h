@@ -24,6 +24,7 @@ typedef struct wh_homes_range {
 
 typedef struct wh_homes {
 	wh_spill *spill;
+	uint64_t base;             /* the first vertex */
 	uint64_t vertices, window; /* window: vertices in memory at a time */
 	uint64_t first, end;       /* those that are */
 	uint16_t *table;           /* their homes */
@@ -34,7 +35,8 @@ typedef struct wh_homes {
 
 /* How the homes are to be held. */
 typedef struct wh_homes_params {
-	uint64_t vertices;
+	uint64_t base;        /* the first vertex: those before it are nobody's corners */
+	uint64_t vertices;    /* from there on */
 	uint64_t window;      /* vertices in memory at a time; 0: all */
 	uint64_t chunks;      /* of faces */
 	size_t chunk_corners; /* corners in each but the last */

@@ -9,6 +9,12 @@
  * the vertices: homes come in windows (pipeline/homes), visits spill (pipeline/visits), and the
  * jobs of the last pass are cut by the records they send, not by vertices. All that grows is 16
  * bytes a chunk of faces, and only with windows.
+ *
+ * A share is the same over a stretch of the faces and a stretch of the vertices. Nothing has to be
+ * known of the other shares: the faces of each tell which of its vertices are away from home, and
+ * such a vertex is sent to its home by every share that finds it away, marked as cut, and to the
+ * others' clusters by them. All other vertices go home from the one stretch they are in. Whoever
+ * loads the cluster meets a vertex several times, then, and the marks of all count.
  */
 #include "pipeline/ingest.h"
 
@@ -20,6 +26,9 @@
 
 #include <float.h>
 #include <string.h>
+#include <unistd.h>
+
+#include <xxhash.h>
 
 enum {
 	CHUNK = WH_DIGEST_CHUNK, /* vertices, faces or records a job */
@@ -38,6 +47,11 @@ enum {
 	STEP_BITS = 26     /* steps of new positions in the size of a double mesh */
 };
 
+/* Items first .. end-1; of what is gone through, first is a multiple of CHUNK. */
+typedef struct stretch {
+	uint64_t first, end;
+} stretch;
+
 /* What one worker needs. */
 typedef struct bench {
 	void *raw;
@@ -48,7 +62,8 @@ typedef struct bench {
 	wh_parcel out;
 	uint64_t *away; /* visits of the faces at hand: no more than two each */
 	size_t aways;
-	size_t cuts; /* of the vertices sent; their positions come first in xyz then */
+	stretch used; /* vertices, of a share */
+	size_t cuts;  /* of the vertices sent; their positions come first in xyz then */
 	uint64_t degenerate;
 	wh_vec3 lo, hi;
 } bench;
@@ -68,6 +83,9 @@ typedef struct ingest {
 	wh_visits visits;
 	uint64_t first, end; /* vertices whose visits have been taken */
 	wh_dispatch out;
+	/* what is gone through here; without shares all of the source */
+	stretch faces, vertices;
+	stretch span; /* vertices that these faces use, those between them, and those above */
 } ingest;
 
 static size_t chunk_items(uint64_t total, int64_t index)
@@ -79,6 +97,22 @@ static size_t chunk_items(uint64_t total, int64_t index)
 static int64_t chunks_of(uint64_t total)
 {
 	return (int64_t)((total + CHUNK - 1) / CHUNK);
+}
+
+/* Chunks of a stretch are numbered from its beginning. */
+static uint64_t chunk_first(const stretch *s, int64_t index)
+{
+	return s->first + (uint64_t)index * CHUNK;
+}
+
+static size_t chunk_size(const stretch *s, int64_t index)
+{
+	return chunk_items(s->end - s->first, index);
+}
+
+static int64_t chunks_in(const stretch *s)
+{
+	return chunks_of(s->end - s->first);
 }
 
 /* ---- pass 1: bounds and sample ------------------------------------------------------------ */
@@ -182,8 +216,8 @@ static wh_code home_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
-	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(g->src->nv, index);
+	const uint64_t first = chunk_first(&g->span, index);
+	const size_t n = chunk_size(&g->span, index);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
@@ -198,8 +232,8 @@ static wh_code home_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 static wh_code read_faces(wh_ctx *c, const ingest *g, bench *b, int64_t index, size_t *n)
 {
-	*n = chunk_items(g->src->nf, index);
-	return wh_source_triangles(c, g->src, (uint64_t)index * CHUNK, *n, b->ids, b->raw);
+	*n = chunk_size(&g->faces, index);
+	return wh_source_triangles(c, g->src, chunk_first(&g->faces, index), *n, b->ids, b->raw);
 }
 
 /* With windows: homes of the corners inside the window at hand. */
@@ -208,7 +242,7 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
 	size_t n;
-	wh_progress_add(g->progress, chunk_items(g->src->nf, index));
+	wh_progress_add(g->progress, chunk_size(&g->faces, index));
 	if (!wh_homes_wants(&g->homes, index))
 		return WH_OK;
 	const wh_code code = read_faces(c, g, b, index, &n);
@@ -220,17 +254,17 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code find_corners(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
 	const uint64_t windows = wh_homes_windows(&g->homes);
-	const int64_t chunks = chunks_of(g->src->nf);
+	const int64_t chunks = chunks_in(&g->faces);
 	g->result->windows = windows ? windows : 1;
 	if (windows == 0)
 		return WH_OK;
-	wh_progress_phase(g->progress, "corners", windows * g->src->nf);
+	wh_progress_phase(g->progress, "corners", windows * (g->faces.end - g->faces.first));
 	for (uint64_t w = 0; w < windows; w++) {
 		if (wh_homes_window(c, &g->homes, w) != WH_OK)
 			return c->err.code;
 		for (int64_t i = 0; i < chunks; i++)
 			if (wh_homes_wants(&g->homes, i))
-				g->result->face_reads += chunk_items(g->src->nf, i);
+				g->result->face_reads += chunk_size(&g->faces, i);
 		const wh_code code = wh_exec_for(c, ex, chunks, corners_job, g);
 		if (code != WH_OK)
 			return code;
@@ -278,8 +312,8 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const wh_code code = read_faces(c, g, b, index, &n);
 	if (code != WH_OK)
 		return code;
-	wh_digest_add(g->params->digest, wh_source_face_at(g->src, (uint64_t)index * CHUNK), b->raw,
-	              n * g->src->fstride);
+	wh_digest_add(g->params->digest, wh_source_face_at(g->src, chunk_first(&g->faces, index)),
+	              b->raw, n * g->src->fstride);
 	if (wh_homes_corners(c, &g->homes, index, b->ids, 3 * n, b->home) != WH_OK ||
 	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) != WH_OK)
 		return c->err.code;
@@ -297,7 +331,7 @@ static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	const bench *b = &g->worker[worker];
 	g->result->degenerate += b->degenerate;
 	g->result->faces += b->out.n;
-	wh_progress_add(g->progress, chunk_items(g->src->nf, index));
+	wh_progress_add(g->progress, chunk_size(&g->faces, index));
 	if (wh_visits_add(c, &g->visits, b->away, b->aways) != WH_OK)
 		return c->err.code;
 	return wh_dispatch_faces(c, &g->out, &b->out);
@@ -325,6 +359,13 @@ static uint64_t vertex_of_record(const ingest *g, uint64_t record)
 	return lo;
 }
 
+/* A vertex goes home from the stretch it is in, and from where it is away. */
+static bool goes_home(const ingest *g, uint64_t gid, size_t at)
+{
+	return gid - g->vertices.first < g->vertices.end - g->vertices.first ||
+	       (at < g->visits.n && wh_visit_vertex(g->visits.item[at]) == gid);
+}
+
 /* Of vertices first .. first+n-1, those that are at home and those visiting; at home comes first.
  */
 static void add_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
@@ -332,7 +373,8 @@ static void add_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 	const wh_visits *v = &g->visits;
 	size_t at = wh_visits_find(v, first);
 	for (size_t i = 0; i < n; i++) {
-		wh_parcel_add(&b->out, b->home[i]);
+		if (goes_home(g, first + i, at))
+			wh_parcel_add(&b->out, b->home[i]);
 		for (; at < v->n && wh_visit_vertex(v->item[at]) == first + i; at++)
 			wh_parcel_add(&b->out, wh_visit_cluster(v->item[at]));
 	}
@@ -353,18 +395,19 @@ static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 {
 	const uint32_t record = record_bytes(g->src);
 	const wh_visits *v = &g->visits;
-	const size_t begin = wh_visits_find(v, first);
-	size_t at = begin;
+	size_t at = wh_visits_find(v, first), sent = 0;
 	for (size_t i = 0; i < n; i++) {
 		const uint64_t gid = first + i;
+		if (!goes_home(g, gid, at))
+			continue;
 		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
 		const size_t visited = at;
 		while (at < v->n && wh_visit_vertex(v->item[at]) == gid)
 			at++;
 		const uint8_t flag = at > visited ? WH_CUT | WH_NEVER : 0;
 		for (size_t k = visited; k <= at; k++) {
-			uint8_t *end = wh_store_put_vertex(
-			    g->store, wh_parcel_put(&b->out, i + k - begin), gid, flag, p, 0);
+			uint8_t *end = wh_store_put_vertex(g->store, wh_parcel_put(&b->out, sent++),
+			                                   gid, flag, p, 0);
 			if (record)
 				memcpy(end, b->attr + i * record, record);
 		}
@@ -424,16 +467,46 @@ static uint64_t count_vertices(const wh_visits *v)
 	return n;
 }
 
+/* The cut vertices of a share are those of others, too: they are listed, and not only counted. */
+static wh_code list_ids(wh_ctx *c, ingest *g)
+{
+	enum { BATCH = 1024 };
+	uint64_t batch[BATCH];
+	size_t held = 0;
+	wh_ingest_share *share = g->params->share;
+	const wh_visits *v = &g->visits;
+	for (size_t i = 0; share && i <= v->n; i++) {
+		if (held > 0 && (held == BATCH || i == v->n)) {
+			if (wh_spill_pwrite(c, g->store->spill, share->ids_fd, batch,
+			                    held * sizeof *batch,
+			                    share->ids * sizeof *batch) != WH_OK)
+				return c->err.code;
+			share->ids += held;
+			held = 0;
+		}
+		if (i < v->n &&
+		    (i == 0 || wh_visit_vertex(v->item[i]) != wh_visit_vertex(v->item[i - 1])))
+			batch[held++] = wh_visit_vertex(v->item[i]);
+	}
+	return WH_OK;
+}
+
 static wh_code send_vertices(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	wh_progress_phase(g->progress, "vertices", g->src->nv);
+	const stretch *span = &g->span;
+	wh_progress_phase(g->progress, "vertices", span->end - span->first);
 	if (wh_visits_seal(c, &g->visits) != WH_OK)
 		return c->err.code;
-	for (g->first = 0; g->first < g->src->nv; g->first = g->end) {
-		if (wh_visits_take(c, &g->visits, g->first) != WH_OK)
+	for (uint64_t at = 0; at < span->end; at = g->visits.end) {
+		if (wh_visits_take(c, &g->visits, at) != WH_OK)
 			return c->err.code;
-		g->end = g->visits.end;
+		g->first = at > span->first ? at : span->first;
+		g->end = g->visits.end < span->end ? g->visits.end : span->end;
+		if (g->first >= g->end)
+			continue;
 		g->result->cut_vertices += count_vertices(&g->visits);
+		if (list_ids(c, g) != WH_OK)
+			return c->err.code;
 		const int64_t jobs = chunks_of(records_below(g, g->end));
 		if (wh_exec_ordered(c, ex, jobs, vertex_job, vertex_commit, g) != WH_OK)
 			return c->err.code;
@@ -453,9 +526,9 @@ static size_t raw_bytes(const wh_source *src)
 	return larger(wh_source_vertex_bytes(src, CHUNK), wh_source_triangle_bytes(src, CHUNK));
 }
 
-static void describe_store(const wh_source *src, const wh_ingest_params *params, wh_store *store)
+void wh_ingest_describe(const wh_source *src, uint32_t clusters, wh_store *store)
 {
-	store->clusters = params->clusters;
+	store->clusters = clusters;
 	store->id_bytes = src->nv < (uint64_t)1 << 30 ? 4 : 8;
 	store->coord_bytes = src->is_double ? 8 : 4;
 	store->vertex_payload = 0;
@@ -466,7 +539,7 @@ static void describe_store(const wh_source *src, const wh_ingest_params *params,
 static size_t bench_bytes(const wh_source *src, const wh_ingest_params *params)
 {
 	wh_store store;
-	describe_store(src, params, &store);
+	wh_ingest_describe(src, params->clusters, &store);
 	const size_t record = larger(wh_store_face_bytes(&store), wh_store_vertex_bytes(&store));
 	const size_t each =
 	    3 * sizeof(double) + 3 * sizeof(uint64_t) + 3 * sizeof(uint16_t) + 2 * sizeof(uint64_t);
@@ -568,15 +641,50 @@ static void benches_free(wh_ctx *c, ingest *g, int workers)
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-static wh_code build_tree(wh_ctx *c, const wh_exec *ex, ingest *g)
+/* Reads all vertices. */
+static wh_code take_sample(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	const size_t samples = sample_size(g->src, g->clusters);
 	g->stride = sample_stride(g->src, g->clusters);
-	g->sample = wh_alloc(c, samples, sizeof *g->sample);
+	g->sample = wh_alloc(c, sample_size(g->src, g->clusters), sizeof *g->sample);
 	if (!g->sample)
 		return c->err.code;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
-	if (wh_exec_ordered(c, ex, chunks_of(g->src->nv), bounds_job, bounds_commit, g) != WH_OK)
+	return wh_exec_ordered(c, ex, chunks_of(g->src->nv), bounds_job, bounds_commit, g);
+}
+
+/* What another process found so. */
+static wh_code read_scan(wh_ctx *c, ingest *g)
+{
+	wh_scan scan;
+	wh_spill *spill = g->params->share->spill;
+	const size_t samples = sample_size(g->src, g->clusters);
+	const int fd = wh_spill_read(c, spill, WH_SCAN_NAME);
+	wh_code code = fd >= 0 ? wh_spill_pread(c, spill, fd, &scan, sizeof scan, 0) : wh_failed(c);
+	const bool ours = code == WH_OK && scan.vertices == g->src->nv &&
+	                  scan.faces == g->src->nf && scan.clusters == g->clusters &&
+	                  scan.samples == samples && scan.zero == 0;
+	g->sample = ours ? wh_alloc(c, samples, sizeof *g->sample) : NULL;
+	if (g->sample)
+		code = wh_spill_pread(c, spill, fd, g->sample, samples * sizeof *g->sample,
+		                      sizeof scan);
+	if (fd >= 0)
+		(void)close(fd);
+	if (code == WH_OK &&
+	    (!g->sample || XXH3_64bits(g->sample, samples * sizeof *g->sample) != scan.checksum))
+		code = wh_fail(c, WH_E_RUN,
+		               "%s/" WH_SCAN_NAME ": damaged, or of another input: plan again",
+		               spill->dir);
+	if (code == WH_OK) {
+		g->result->lo = scan.lo;
+		g->result->hi = scan.hi;
+	}
+	return code;
+}
+
+static wh_code build_tree(wh_ctx *c, const wh_exec *ex, ingest *g)
+{
+	const size_t samples = sample_size(g->src, g->clusters);
+	if ((g->params->share ? read_scan(c, g) : take_sample(c, ex, g)) != WH_OK)
 		return c->err.code;
 	choose_units(g, samples);
 	if (wh_kdtree_build(c, &g->tree, g->sample, samples, g->clusters, 0.5) != WH_OK)
@@ -586,13 +694,60 @@ static wh_code build_tree(wh_ctx *c, const wh_exec *ex, ingest *g)
 	return WH_OK;
 }
 
+/* One of so many parts of all chunks. */
+static stretch part_of(uint64_t items, uint32_t part, uint32_t parts)
+{
+	const uint64_t chunks = (uint64_t)chunks_of(items);
+	const uint64_t first = chunks * part / parts * CHUNK,
+	               end = chunks * (part + 1) / parts * CHUNK;
+	return (stretch){first, end < items ? end : items};
+}
+
+/* Widens the worker's bounds of the ids that the share's faces use. */
+static wh_code span_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	ingest *g = arg;
+	bench *b = &g->worker[worker];
+	size_t n;
+	const wh_code code = read_faces(c, g, b, index, &n);
+	for (size_t i = 0; code == WH_OK && i < 3 * n; i++) {
+		b->used.first = b->ids[i] < b->used.first ? b->ids[i] : b->used.first;
+		b->used.end = b->ids[i] >= b->used.end ? b->ids[i] + 1 : b->used.end;
+	}
+	return code;
+}
+
+static wh_code choose_stretches(wh_ctx *c, const wh_exec *ex, ingest *g)
+{
+	const wh_ingest_share *share = g->params->share;
+	const wh_source *src = g->src;
+	g->faces = part_of(src->nf, share ? share->part : 0, share ? share->parts : 1);
+	g->vertices = part_of(src->nv, share ? share->part : 0, share ? share->parts : 1);
+	g->span = g->vertices;
+	if (!share)
+		return WH_OK;
+	for (int i = 0; i < ex->workers; i++)
+		g->worker[i].used = g->vertices;
+	g->result->face_reads += g->faces.end - g->faces.first;
+	const wh_code code = wh_exec_for(c, ex, chunks_in(&g->faces), span_job, g);
+	for (int i = 0; i < ex->workers; i++) {
+		const stretch *used = &g->worker[i].used;
+		g->span.first = used->first < g->span.first ? used->first : g->span.first;
+		g->span.end = used->end > g->span.end ? used->end : g->span.end;
+	}
+	g->span.first -= g->span.first % CHUNK;
+	return code;
+}
+
 static wh_code find_homes(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	const wh_homes_params hp = homes_params(g->src, g->params);
+	wh_homes_params hp = homes_params(g->src, g->params);
+	hp.base = g->span.first;
+	hp.vertices = g->span.end - g->span.first;
 	if (wh_homes_open(c, &g->homes, g->store->spill, &hp) != WH_OK)
 		return c->err.code;
-	wh_progress_phase(g->progress, "partition", g->src->nv);
-	if (wh_exec_for(c, ex, chunks_of(g->src->nv), home_job, g) != WH_OK)
+	wh_progress_phase(g->progress, "partition", hp.vertices);
+	if (wh_exec_for(c, ex, chunks_in(&g->span), home_job, g) != WH_OK)
 		return c->err.code;
 	return find_corners(c, ex, g);
 }
@@ -603,10 +758,9 @@ static wh_code distribute(wh_ctx *c, const wh_exec *ex, ingest *g)
 	        WH_OK ||
 	    wh_dispatch_begin(c, &g->out, g->store, g->params->buffer) != WH_OK)
 		return c->err.code;
-	wh_progress_phase(g->progress, "faces", g->src->nf);
-	g->result->face_reads += g->src->nf;
-	const wh_code code =
-	    wh_exec_ordered(c, ex, chunks_of(g->src->nf), face_job, face_commit, g);
+	wh_progress_phase(g->progress, "faces", g->faces.end - g->faces.first);
+	g->result->face_reads += g->faces.end - g->faces.first;
+	const wh_code code = wh_exec_ordered(c, ex, chunks_in(&g->faces), face_job, face_commit, g);
 	if (code != WH_OK)
 		return code;
 	if (send_vertices(c, ex, g) != WH_OK)
@@ -620,7 +774,7 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	*result = (wh_ingest_result){0};
 	if (src->nv > WH_VISIT_VERTICES)
 		return wh_fail(c, WH_E_PLAN, "%s: more than 2^48 vertices", src->path);
-	describe_store(src, params, store);
+	wh_ingest_describe(src, params->clusters, store);
 	if (params->cuts)
 		params->cuts->n = 0;
 	if (params->digest)
@@ -635,6 +789,8 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	if (code == WH_OK)
 		code = build_tree(c, ex, &g);
 	if (code == WH_OK)
+		code = choose_stretches(c, ex, &g);
+	if (code == WH_OK)
 		code = find_homes(c, ex, &g);
 	if (code == WH_OK)
 		code = distribute(c, ex, &g);
@@ -644,5 +800,64 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	wh_free(c, g.sample);
 	wh_kdtree_free(c, &g.tree);
 	benches_free(c, &g, ex->workers);
+	return code;
+}
+
+/* ---- the scan for shares ------------------------------------------------------------------ */
+
+static wh_code write_scan(wh_ctx *c, wh_spill *spill, const wh_scan *scan, const void *sample)
+{
+	char part[WH_SPILL_NAME];
+	const size_t bytes = (size_t)scan->samples * sizeof(wh_kdpoint);
+	const int fd = wh_spill_create(c, spill, wh_spill_part(spill, WH_SCAN_NAME, part));
+	if (fd < 0)
+		return wh_failed(c);
+	wh_code code = wh_spill_pwrite(c, spill, fd, scan, sizeof *scan, 0);
+	if (code == WH_OK)
+		code = wh_spill_pwrite(c, spill, fd, sample, bytes, sizeof *scan);
+	if (close(fd) != 0 && code == WH_OK)
+		code = wh_fail_errno(c, "%s/%s: cannot write", spill->dir, part);
+	return code == WH_OK ? wh_spill_rename(c, spill, part, WH_SCAN_NAME) : code;
+}
+
+wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
+                       uint32_t clusters, wh_spill *spill)
+{
+	_Atomic uint64_t digest = 0;
+	wh_ingest_result found = {0};
+	const wh_ingest_params params = {.clusters = clusters, .digest = &digest};
+	ingest g = {.src = src,
+	            .progress = progress,
+	            .result = &found,
+	            .params = &params,
+	            .clusters = clusters};
+	wh_code code = benches_make(c, &g, ex->workers);
+	if (code == WH_OK)
+		code = take_sample(c, ex, &g);
+	if (code == WH_OK) {
+		wh_scan scan = {.lo = found.lo,
+		                .hi = found.hi,
+		                .vertices = src->nv,
+		                .faces = src->nf,
+		                .digest = atomic_load(&digest),
+		                .samples = sample_size(src, clusters),
+		                .clusters = clusters};
+		scan.checksum = XXH3_64bits(g.sample, scan.samples * sizeof *g.sample);
+		code = write_scan(c, spill, &scan, g.sample);
+	}
+	wh_free(c, g.sample);
+	benches_free(c, &g, ex->workers);
+	return code;
+}
+
+wh_code wh_ingest_scanned(wh_ctx *c, wh_spill *spill, uint64_t *digest)
+{
+	wh_scan scan = {0};
+	const int fd = wh_spill_read(c, spill, WH_SCAN_NAME);
+	if (fd < 0)
+		return wh_failed(c);
+	const wh_code code = wh_spill_pread(c, spill, fd, &scan, sizeof scan, 0);
+	(void)close(fd);
+	*digest = scan.digest;
 	return code;
 }

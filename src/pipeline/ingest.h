@@ -21,6 +21,27 @@ typedef struct wh_cut_list {
 	uint64_t n;
 } wh_cut_list;
 
+/* What every process has to know before several of them share an ingest: the bounds of all vertices
+ * and the sample that the partition follows from. In the file WH_SCAN_NAME of a spill folder. */
+typedef struct wh_scan {
+	wh_vec3 lo, hi;
+	uint64_t vertices, faces; /* of the source */
+	uint64_t digest;          /* of the vertices */
+	uint64_t samples;
+	uint64_t checksum; /* XXH3 of the sample, which follows */
+	uint32_t clusters, zero;
+} wh_scan;
+
+#define WH_SCAN_NAME "scan"
+
+/* What one of them ingests: the faces, and vertices, of one stretch of the file. */
+typedef struct wh_ingest_share {
+	wh_spill *spill; /* where the scan is */
+	uint32_t part, parts;
+	int ids_fd; /* receives the ids of the vertices that the share's faces cut, ascending */
+	uint64_t ids;
+} wh_ingest_share;
+
 /* Only `clusters` decides what is in the files; the others, how much memory it takes. */
 typedef struct wh_ingest_params {
 	uint32_t clusters; /* 1 .. WH_MAX_CLUSTERS */
@@ -29,6 +50,7 @@ typedef struct wh_ingest_params {
 	size_t visits; /* vertices outside their cells held in memory; 0: the least that works */
 	wh_cut_list *cuts;        /* is filled; NULL: nobody wants to know */
 	_Atomic uint64_t *digest; /* of the bytes read (pipeline/digest.h); NULL: nobody asks */
+	wh_ingest_share *share;   /* NULL: all of it is ingested here */
 } wh_ingest_params;
 
 typedef struct wh_ingest_result {
@@ -58,5 +80,20 @@ size_t wh_ingest_fit(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest
  */
 wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
                   const wh_ingest_params *params, wh_store *store, wh_ingest_result *result);
+
+/*
+ * The same by several processes: one scans the vertices, then each ingests its share, with
+ * params->share set, into a store of its own, where a vertex may come several times; the clusters
+ * of all of them together, one share's faces after the other's, hold the mesh as wh_ingest would
+ * have cut it (pipeline/pieces.h). A share holds the homes of the vertices that its faces use and
+ * of those between them, and lists no cuts.
+ */
+wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
+                       uint32_t clusters, wh_spill *spill);
+/* The digest of the vertices, as the scan met them. */
+wh_code wh_ingest_scanned(wh_ctx *c, wh_spill *spill, uint64_t *digest);
+
+/* The layout of the store that such a source is ingested into. */
+void wh_ingest_describe(const wh_source *src, uint32_t clusters, wh_store *store);
 
 #endif

@@ -16,6 +16,9 @@
  *
  * A record that is not whole ends the row, whatever is behind it: that work is done again. Of two
  * about the same the later one holds. Memory: eight bytes for each kind and cluster.
+ *
+ * Several processes that share a round keep a ledger each, NAME.WORD beside the NAME of the one
+ * that goes on from there; the latter takes over what is in theirs.
  */
 #ifndef WH_PIPELINE_LEDGER_H
 #define WH_PIPELINE_LEDGER_H
@@ -40,18 +43,29 @@ typedef struct wh_ledger {
 	uint64_t end;                  /* of the whole records */
 	uint64_t *at[WH_LEDGER_KINDS]; /* where the record of each cluster is; 0: none */
 	pthread_mutex_t growing;       /* held while a record is appended */
+	uint32_t part, parts;          /* this process does every parts-th cluster; 0 parts: all */
+	bool trusts; /* a saved cluster is taken for whole when its header is that of the entry: who
+	                loads it looks at the rest */
 } wh_ledger;
 
 /* Opens the ledger of that name for a round over so many clusters; what is in it holds. */
 wh_code wh_ledger_open(wh_ctx *c, wh_ledger *l, wh_spill *spill, const char *name,
                        uint32_t clusters);
+/* Takes over the entries of the ledgers of its folder that are called NAME or NAME.WORD. */
+wh_code wh_ledger_take(wh_ctx *c, wh_ledger *l, const char *name);
+/* True when the cluster is one for this process. NULL: all are. */
+static inline bool wh_ledger_wants(const wh_ledger *l, uint32_t cluster)
+{
+	return !l || l->parts == 0 || cluster % l->parts == l->part;
+}
 /* Closes it; the file stays. A ledger of zeros is left alone. */
 void wh_ledger_close(wh_ctx *c, wh_ledger *l);
 
 /* Adds an entry. Thread-safe. */
 wh_code wh_ledger_put(wh_ctx *c, wh_ledger *l, wh_ledger_kind kind, uint32_t cluster,
                       const void *bytes, uint32_t n);
-/* Bytes of an entry that was there when the ledger was opened; 0: none. NULL is an empty ledger. */
+/* Bytes of an entry that was there when the ledger was opened, or was taken; 0: none. NULL is an
+ * empty ledger. */
 uint32_t wh_ledger_bytes(wh_ctx *c, const wh_ledger *l, wh_ledger_kind kind, uint32_t cluster);
 /* Reads it. */
 wh_code wh_ledger_get(wh_ctx *c, const wh_ledger *l, wh_ledger_kind kind, uint32_t cluster,

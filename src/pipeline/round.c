@@ -2,6 +2,7 @@
 
 #include "pipeline/hand.h"
 #include "pipeline/ledger.h"
+#include "pipeline/pieces.h"
 #include "pipeline/rerun.h"
 
 #include <string.h>
@@ -136,6 +137,8 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	wh_hand *h = &r->hands[worker];
 	const uint32_t k = (uint32_t)index;
 	wh_round_result *out = &r->part[index];
+	if (!wh_ledger_wants(r->to->ledger, k))
+		return WH_OK;
 	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
 		return pass_over(c, r, k);
 	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
@@ -198,18 +201,41 @@ void wh_round_remove(const wh_store *store)
 		wh_store_remove(store, k);
 }
 
+/* Counts of clusters, one after the other. */
+static void note_extent(uint64_t nv, uint64_t nf, uint64_t *max_vertices, uint64_t *max_faces,
+                        uint64_t *faces, uint64_t *vertices)
+{
+	*faces += nf;
+	*vertices += nv;
+	*max_faces = nf > *max_faces ? nf : *max_faces;
+	*max_vertices = nv > *max_vertices ? nv : *max_vertices;
+}
+
+/* Of a store in pieces, where asking for one cluster after the other takes long. */
+static wh_code extent_of_pieces(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
+                                uint64_t *max_faces, uint64_t *faces, uint64_t *vertices)
+{
+	const uint32_t n = store->clusters;
+	uint64_t *count = wh_alloc(c, n, 2 * sizeof *count);
+	const wh_code code =
+	    count ? wh_pieces_all_counts(c, store, count, count + n) : wh_failed(c);
+	for (uint32_t k = 0; code == WH_OK && k < n; k++)
+		note_extent(count[n + k], count[k], max_vertices, max_faces, faces, vertices);
+	wh_free(c, count);
+	return code;
+}
+
 wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
                         uint64_t *max_faces, uint64_t *faces, uint64_t *vertices)
 {
 	*max_vertices = *max_faces = *faces = *vertices = 0;
+	if (store->parts)
+		return extent_of_pieces(c, store, max_vertices, max_faces, faces, vertices);
 	for (uint32_t k = 0; k < store->clusters; k++) {
 		uint64_t nf, nv;
 		if (wh_store_counts(c, store, k, &nf, &nv) != WH_OK)
 			return c->err.code;
-		*faces += nf;
-		*vertices += nv;
-		*max_faces = nf > *max_faces ? nf : *max_faces;
-		*max_vertices = nv > *max_vertices ? nv : *max_vertices;
+		note_extent(nv, nf, max_vertices, max_faces, faces, vertices);
 	}
 	return WH_OK;
 }

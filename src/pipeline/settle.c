@@ -143,6 +143,8 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	settle *s = arg;
 	wh_hand *h = &s->hands[worker];
 	wh_cost_log *log = &s->scratch[worker];
+	if (!wh_ledger_wants(s->to->ledger, (uint32_t)index))
+		return WH_OK;
 	if (s->to->ledger && recall_trial(c, s, (uint32_t)index, &h->scratch))
 		return pass_over(c, s, (uint32_t)index);
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
@@ -256,6 +258,8 @@ static wh_code share_out(wh_ctx *c, const wh_exec *ex, settle *s, wh_quota *sum)
 	const wh_settle_params *p = s->params;
 	if (wh_exec_for(c, ex, s->from->clusters, trial_job, s) != WH_OK)
 		return c->err.code;
+	if (s->to->ledger && s->to->ledger->parts) /* nobody knows of the other trials yet */
+		return WH_OK;
 	return wh_quota_share(c, s->log, s->from->clusters, p->faces, p->vertices, s->share, sum);
 }
 
@@ -305,6 +309,8 @@ wh_code wh_settle(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 		code = share_out(c, ex, &s, &sum);
 	result->reached = (params->faces && sum.faces >= params->faces) ||
 	                  (params->vertices && sum.vertices >= params->vertices);
+	if (s.to->ledger && s.to->ledger->parts)
+		partly = result->reached = false;
 	if (code == WH_OK && (result->reached || partly))
 		code = perform(c, ex, &s, faces, &sum, result);
 	settle_close(c, ex, &s);

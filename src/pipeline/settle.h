@@ -30,7 +30,8 @@ typedef struct wh_settle_result {
  * Reduces `from` into `to` (spill, generation and ledger set by the caller; the rest is filled in;
  * what the ledger has is not done again). When
  * the clusters cannot give up as much within max_cost, and `partly` is false, nothing is done and
- * `to` does not exist; with it they give up all they can.
+ * `to` does not exist; with it they give up all they can. With a ledger that wants a part of the
+ * clusters, these are tried, and no more is done.
  */
 wh_code wh_settle(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                   wh_store *to, const wh_settle_params *params, bool partly,

@@ -1,5 +1,7 @@
 #include "pipeline/store.h"
 
+#include "pipeline/pieces.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -244,6 +246,10 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
                           header *h)
 {
 	char name[NAME_BYTES];
+	if (s->parts) {
+		*h = (header){0};
+		return wh_pieces_read(c, s, cluster, sc, &h->faces, &h->vertices);
+	}
 	file_name(s, cluster, false, name);
 	const int fd = wh_spill_read(c, s->spill, name);
 	if (fd < 0)
@@ -333,6 +339,7 @@ static inline void put_vertices(const wh_store *s, const uint8_t *records, uint3
 			(void)wh_places_find(places, gid, &v);
 			if (!(p->flag[v] & ABSENT)) {
 				p->err[v] = fmaxf(p->err[v], err);
+				p->flag[v] |= flag;
 				continue;
 			}
 		}
@@ -497,9 +504,23 @@ wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64
 	return code;
 }
 
+wh_code wh_store_open_body(wh_ctx *c, const wh_store *s, uint32_t cluster, int *fd, uint64_t *body)
+{
+	char name[NAME_BYTES];
+	file_name(s, cluster, false, name);
+	*fd = wh_spill_read(c, s->spill, name);
+	*body = sizeof(header);
+	return *fd >= 0 ? WH_OK : wh_failed(c);
+}
+
 void wh_store_remove(const wh_store *s, uint32_t cluster)
 {
 	char name[NAME_BYTES];
+	if (s->parts) {
+		if (cluster == 0)
+			wh_pieces_remove(s);
+		return;
+	}
 	file_name(s, cluster, false, name);
 	wh_spill_remove(s->spill, name);
 }
@@ -508,6 +529,8 @@ wh_code wh_store_counts(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t
                         uint64_t *vertices)
 {
 	char name[NAME_BYTES];
+	if (s->parts)
+		return wh_pieces_counts(c, s, cluster, faces, vertices);
 	file_name(s, cluster, false, name);
 	const int fd = wh_spill_read(c, s->spill, name);
 	if (fd < 0)

@@ -23,7 +23,8 @@
  *
  * With global ids as corners, vertices may repeat and come in any order; else they ascend. Every
  * id that a face uses is there. A cut vertex has the same id and position in every file that holds
- * it, and the same attributes; its error bound may differ, and the largest holds.
+ * it, and the same attributes; its error bound may differ, and the largest holds. Where it repeats
+ * in one, the flags of all its records count.
  */
 #ifndef WH_PIPELINE_STORE_H
 #define WH_PIPELINE_STORE_H
@@ -39,6 +40,7 @@ typedef struct wh_store {
 	wh_spill *spill;
 	uint32_t generation; /* a fresh number for every store of a run: part of its files' names */
 	uint32_t clusters;
+	uint32_t parts;          /* 0: a file for each cluster; else see pieces.h */
 	uint32_t id_bytes;       /* 4 while all ids are below 2^30 */
 	uint32_t coord_bytes;    /* 4: positions are floats */
 	uint32_t vertex_payload; /* bytes of the error bound */
@@ -161,7 +163,10 @@ wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store
 /* The checksum in the header of a cluster's file. */
 wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *checksum);
 
-/* Removes a cluster's file. */
+/* Opens a cluster's file, which is not in pieces, for reading what follows its header, at *body. */
+wh_code wh_store_open_body(wh_ctx *c, const wh_store *s, uint32_t cluster, int *fd, uint64_t *body);
+
+/* Removes a cluster's file; of a store in pieces all files, with cluster 0. */
 void wh_store_remove(const wh_store *s, uint32_t cluster);
 
 /* Counts in the header of a cluster's file. */

@@ -86,6 +86,8 @@ typedef struct wh_manifest {
 	char input[256]; /* its path, for people; perhaps cut */
 	uint64_t input_bytes, input_seconds, input_nanoseconds, input_digest;
 	bool digest_of_file; /* of all bytes, and not of vertices and faces */
+	uint64_t parts;      /* that the run was planned for; 0: none */
+	bool shared_ingest;  /* there is a scan, and parts can ingest */
 	/* the plan */
 	uint64_t clusters, rounds, peak_disk;
 	bool streams;

@@ -233,7 +233,7 @@ static wh_code recall_ingest(wh_run *r, const wh_step *step)
 	r->spill.planned = r->plan.peak_disk;
 	r->store = step->store;
 	r->store.spill = &r->spill;
-	r->generations++;
+	r->generations = step->store.generation + 1;
 	r->ingest = step->ingest;
 	return wh_run_recall_seams(r, step);
 }
@@ -242,8 +242,13 @@ wh_code wh_run_ingest(wh_run *r)
 {
 	wh_step step;
 	const bool done = wh_run_recall(r, WH_STEP_INGEST, &step);
-	if ((done ? recall_ingest(r, &step) : ingest_input(r)) != WH_OK)
+	bool taken = false;
+	if (!done && wh_run_take_ingest(r, &taken) != WH_OK)
 		return r->c->err.code;
+	if (!taken && (done ? recall_ingest(r, &step) : ingest_input(r)) != WH_OK)
+		return r->c->err.code;
+	if (taken)
+		count_input_reads(r);
 	if (!done && record_ingest(r) != WH_OK)
 		return r->c->err.code;
 	wh_reduce_report *t = r->report;

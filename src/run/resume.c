@@ -215,19 +215,62 @@ static wh_code compare_input(wh_run *r)
 	return WH_OK;
 }
 
-wh_code wh_run_reopen_input(wh_run *r)
+static void note_sums(wh_run *r)
 {
-	const wh_step *s = &r->book.step[0];
-	wh_reduce_report *t = r->report;
+	wh_manifest *m = &r->book;
+	memcpy(m->phase, r->report->phase, sizeof m->phase);
+	m->bytes_read = r->report->bytes_read;
+	m->temp_read = atomic_load(&r->spill.bytes_read);
+	m->temp_written = atomic_load(&r->spill.bytes_written);
+	m->temp_peak = atomic_load(&r->spill.peak);
+	m->seconds = wh_seconds() - r->start;
+	m->clusters = r->plan.clusters;
+	m->rounds = (uint64_t)r->plan.rounds;
+	m->peak_disk = r->plan.peak_disk;
+	m->streams = r->plan.streams;
+}
+
+static wh_code look(wh_run *r)
+{
 	wh_progress_phase(&r->progress, "open", 1);
 	if (wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
 	                  wh_run_attributes(r), &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
-	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
-	    WH_OK)
+	return wh_attributes_weigh(r->c, r->params->input, r->params->weights,
+	                           &r->input.attributes);
+}
+
+wh_code wh_run_compare_input(wh_run *r)
+{
+	return compare_input(r);
+}
+
+wh_code wh_run_look(wh_run *r)
+{
+	wh_reduce_report *t = r->report;
+	if (look(r) != WH_OK || (r->book.parts && compare_input(r) != WH_OK))
 		return r->c->err.code;
-	if (compare_input(r) != WH_OK)
+	t->input_bytes = r->input.file_bytes;
+	t->input_vertices = r->input.source.nv;
+	t->input_faces = r->input.source.nf;
+	r->faces = t->input_faces;
+	wh_run_targets(r);
+	return WH_OK;
+}
+
+wh_code wh_run_sign_plan(wh_run *r)
+{
+	note_input(r);
+	note_sums(r);
+	return wh_manifest_write(r->c, &r->spill, &r->book);
+}
+
+wh_code wh_run_reopen_input(wh_run *r)
+{
+	const wh_step *s = &r->book.step[0];
+	wh_reduce_report *t = r->report;
+	if (look(r) != WH_OK || compare_input(r) != WH_OK)
 		return r->c->err.code;
 	note_input(r);
 	t->input_bytes = r->input.file_bytes;
@@ -336,6 +379,12 @@ static wh_code find_whole_store(wh_run *r)
 		    "the list of cut vertices is damaged or gone: starting again from the input");
 	else if (told)
 		tell_damage(r, &m->step[told - 1], first_bad, false);
+	for (size_t n = 0; n < m->steps; n++) /* the parts' files are not to be taken again */
+		if (m->step[n].kind == WH_STEP_INGEST && m->step[n].store.parts) {
+			wh_store pieces = m->step[n].store;
+			pieces.spill = &r->spill;
+			wh_round_remove(&pieces);
+		}
 	m->steps = 0;
 	return WH_OK;
 }
@@ -422,8 +471,9 @@ static void tell_state(wh_run *r)
 
 static wh_code go_on(wh_run *r)
 {
+	const bool staged = r->params->stage != WH_STAGE_ALL;
 	look_at_outputs(r);
-	r->book.resumed++;
+	r->book.resumed += !staged;
 	take_sums(r);
 	sign(r);
 	r->journaled = true;
@@ -433,6 +483,8 @@ static wh_code go_on(wh_run *r)
 	wh_manifest *m = &r->book;
 	if (m->steps > 0 && m->step[m->steps - 1].kind == WH_STEP_WRITE)
 		m->steps--; /* it is done again; the file still tells whose the outputs are */
+	if (staged)         /* whoever loads a cluster finds out whether it is whole */
+		return WH_OK;
 	if (find_whole_store(r) != WH_OK)
 		return r->c->err.code;
 	tell_state(r);
@@ -449,6 +501,43 @@ static wh_code begin(wh_run *r, const wh_choices *choices)
 	           : r->c->err.code;
 }
 
+static wh_code needs_run(wh_run *r)
+{
+	return refuse(r, WH_E_RUN,
+	              "holds no run: whittle plan with --run-dir and --parts makes one");
+}
+
+/* The stages that only read what the others have left. */
+static wh_code may_take_part(wh_run *r, const wh_choices *choices)
+{
+	char what[512];
+	wh_manifest *m = &r->book;
+	const uint64_t parts = r->params->parts;
+	if (wh_choices_differ(&m->choices, choices, what, sizeof what))
+		return wh_fail(r->c, WH_E_USAGE, "'%s' holds a run with other parameters: %s",
+		               r->params->run_dir, what);
+	if ((parts && parts != m->parts) || r->params->part >= m->parts)
+		return wh_fail(r->c, WH_E_USAGE, "'%s' holds a run of %" PRIu64 " parts, from 1",
+		               r->params->run_dir, m->parts);
+	r->journaled = true;
+	return WH_OK;
+}
+
+static wh_code open_staged(wh_run *r, const wh_choices *choices, bool found)
+{
+	if (!found && r->params->stage != WH_STAGE_PLAN)
+		return needs_run(r);
+	if (wh_run_is_part(r))
+		return may_take_part(r, choices);
+	if (found && may_go_on(r, choices) != WH_OK)
+		return r->c->err.code;
+	if (found && r->params->stage != WH_STAGE_PLAN && r->book.parts == 0)
+		return refuse(r, WH_E_USAGE,
+		              "holds a run that was not planned in parts: reduce with --resume "
+		              "goes on with it");
+	return found ? go_on(r) : may_begin(r) == WH_OK ? begin(r, choices) : r->c->err.code;
+}
+
 wh_code wh_run_open_folder(wh_run *r)
 {
 	char token[WH_SPILL_TAG];
@@ -458,6 +547,8 @@ wh_code wh_run_open_folder(wh_run *r)
 	if (wh_spill_keep(r->c, &r->spill, r->params->run_dir, token) != WH_OK ||
 	    wh_manifest_read(r->c, &r->spill, &r->book, &found) != WH_OK)
 		return r->c->err.code;
+	if (r->params->stage != WH_STAGE_ALL)
+		return open_staged(r, &choices, found);
 	if ((found ? may_go_on(r, &choices) : may_begin(r)) != WH_OK)
 		return r->c->err.code;
 	r->report->resumable = r->book.steps > 0; /* also when that fails */
@@ -476,6 +567,15 @@ static void ledger_name(size_t step, char name[WH_LEDGER_NAME])
 	(void)snprintf(name, WH_LEDGER_NAME, "step-%zu", step);
 }
 
+/* The one of that name, and those of the parts. */
+static void remove_ledgers(wh_run *r, const char *name)
+{
+	char prefix[WH_LEDGER_NAME + 1];
+	(void)snprintf(prefix, sizeof prefix, "%s.", name);
+	wh_spill_remove(&r->spill, name);
+	wh_spill_remove_all(&r->spill, prefix);
+}
+
 bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step)
 {
 	char name[WH_LEDGER_NAME];
@@ -486,34 +586,30 @@ bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step)
 		return false;
 	}
 	ledger_name(r->recalled, name);
-	wh_spill_remove(&r->spill, name);
+	if (!wh_run_is_part(r))
+		remove_ledgers(r, name);
+	r->shared += kind == WH_STEP_REDUCE || kind == WH_STEP_SETTLE;
 	*step = r->book.step[r->recalled++];
 	return true;
 }
 
-wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters)
+wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind)
 {
-	char name[WH_LEDGER_NAME];
+	char name[WH_LEDGER_NAME], own[WH_LEDGER_NAME];
+	wh_ledger *l = &r->ledger;
+	const bool part = wh_run_is_part(r);
 	if (!r->journaled)
 		return NULL;
 	ledger_name(r->recalled, name);
-	return wh_ledger_open(r->c, &r->ledger, &r->spill, name, clusters) == WH_OK ? &r->ledger
-	                                                                            : NULL;
-}
-
-static void note_sums(wh_run *r)
-{
-	wh_manifest *m = &r->book;
-	memcpy(m->phase, r->report->phase, sizeof m->phase);
-	m->bytes_read = r->report->bytes_read;
-	m->temp_read = atomic_load(&r->spill.bytes_read);
-	m->temp_written = atomic_load(&r->spill.bytes_written);
-	m->temp_peak = atomic_load(&r->spill.peak);
-	m->seconds = wh_seconds() - r->start;
-	m->clusters = r->plan.clusters;
-	m->rounds = (uint64_t)r->plan.rounds;
-	m->peak_disk = r->plan.peak_disk;
-	m->streams = r->plan.streams;
+	(void)snprintf(own, sizeof own, part ? "%.12s.%.*s" : "%.12s", name, WH_SPILL_TAG - 1,
+	               r->spill.tag);
+	if (wh_ledger_open(r->c, l, &r->spill, own, clusters) != WH_OK ||
+	    wh_ledger_take(r->c, l, name) != WH_OK || wh_run_parts(r, l, kind) != WH_OK)
+		return NULL;
+	l->trusts = r->params->stage != WH_STAGE_ALL;
+	l->parts = part ? (uint32_t)r->book.parts : 0;
+	l->part = r->params->part;
+	return l;
 }
 
 wh_code wh_run_record(wh_run *r, const wh_step *step)
@@ -532,13 +628,21 @@ wh_code wh_run_record(wh_run *r, const wh_step *step)
 	    wh_manifest_write(r->c, &r->spill, &r->book) != WH_OK)
 		return r->c->err.code;
 	r->recalled++;
+	r->joined = true;
+	r->shared += step->kind == WH_STEP_REDUCE || step->kind == WH_STEP_SETTLE;
 	if (r->ledger.spill) {
 		char name[WH_LEDGER_NAME];
 		memcpy(name, r->ledger.name, sizeof name);
 		wh_ledger_close(r->c, &r->ledger);
-		wh_spill_remove(&r->spill, name);
+		remove_ledgers(r, name);
 	}
 	return WH_OK;
+}
+
+void wh_run_forget(wh_run *r, const wh_store *store)
+{
+	if (!wh_run_is_part(r))
+		wh_round_remove(store);
 }
 
 /* What is done stays, whole files only. A run that has done nothing leaves nothing. */
@@ -547,7 +651,7 @@ void wh_run_close_folder(wh_run *r, wh_code code)
 	const bool whole = code == WH_OK;
 	wh_ledger_close(r->c, &r->ledger);
 	if (r->journaled && wh_manifest_is_ours(r->c, &r->spill, r->book.token)) {
-		r->report->resumable = !whole && r->book.steps > 0;
+		r->report->resumable = !whole && (r->book.steps > 0 || r->book.parts > 0);
 		if (!r->report->resumable)
 			wh_spill_discard(r->c, &r->spill, WH_MANIFEST_NAME, whole || r->spill.made);
 	}

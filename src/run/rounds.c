@@ -42,7 +42,7 @@ wh_code wh_run_survey(wh_run *r, double keep, wh_cluster_params *p)
 		p->micro_cost = step.micro_cost;
 		return WH_OK;
 	}
-	if (survey(r, keep, p) != WH_OK)
+	if (wh_run_alone(r) != WH_OK || survey(r, keep, p) != WH_OK)
 		return r->c->err.code;
 	step = (wh_step){
 	    .kind = WH_STEP_SURVEY, .max_cost = p->all.max_cost, .micro_cost = p->micro_cost};
@@ -60,14 +60,14 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
 		next->spill = &r->spill;
 		return WH_OK;
 	}
-	next->ledger = wh_run_ledger(r, r->store.clusters);
+	next->ledger = wh_run_ledger(r, r->store.clusters, WH_LEDGER_SAVED);
 	if (r->c->err.code != WH_OK || wh_run_cluster_workers(r, &ex) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	const wh_code code = wh_round_reduce(r->c, &ex, &r->progress, &r->store, next, p, &done);
 	next->ledger = NULL;
-	if (wh_run_phase_end(r, WH_PHASE_DECIMATE, code) != WH_OK)
-		return code;
+	if (wh_run_end_part(r, wh_run_phase_end(r, WH_PHASE_DECIMATE, code)) != WH_OK)
+		return wh_failed(r->c);
 	*step = (wh_step){.kind = WH_STEP_REDUCE,
 	                  .kept = done.faces > least || !isfinite(p->all.max_cost),
 	                  .store = *next,
@@ -93,14 +93,14 @@ static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 		wh_run_note_unreferenced(r, done.unreferenced);
 		if (done.kept)
 			break;
-		wh_round_remove(&next);
+		wh_run_forget(r, &next);
 		if (lowered == MOST_LOWERINGS || done.faces == last)
 			return WH_OK;
 		last = done.faces;
 		p->all.max_cost /= 8;
 		p->micro_cost /= 8;
 	}
-	wh_round_remove(&r->store);
+	wh_run_forget(r, &r->store);
 	r->store = next;
 	r->faces = done.faces;
 	r->report->rounds++;
@@ -134,7 +134,7 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 		next.spill = &r->spill;
 		r->report->never_free_vertices = step.never_free;
 	} else {
-		if (recut(r, &p, &next) != WH_OK)
+		if (wh_run_alone(r) != WH_OK || recut(r, &p, &next) != WH_OK)
 			return r->c->err.code;
 		step = (wh_step){.kind = WH_STEP_RECUT,
 		                 .kept = true,
@@ -143,7 +143,7 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 		if (wh_run_record(r, &step) != WH_OK)
 			return r->c->err.code;
 	}
-	wh_round_remove(&r->store);
+	wh_run_forget(r, &r->store);
 	r->store = next;
 	return WH_OK;
 }

@@ -7,6 +7,7 @@
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
  *     last.c     a result that fits: stitch, final pass, check, write
  *     output.c   the outputs: when they are opened, what they may replace
+ *     share.c    runs that several processes share: what a part does, and how parts are joined
  *     resume.c   the folder of a run that can be resumed, and what is done of it
  *
  * Each stage keeps its time in the report and takes the memory that the budget leaves. What the
@@ -60,7 +61,9 @@ typedef struct wh_run {
 	wh_manifest book;
 	size_t recalled; /* steps of it that this process has gone through */
 	wh_ledger ledger;
-	_Atomic uint64_t digest;            /* of the input */
+	uint32_t shared;         /* steps gone through whose clusters were cut into parts */
+	bool joined;             /* this process has done a step */
+	_Atomic uint64_t digest; /* of the input */
 	bool replace_output, replace_seams; /* they are our own, of the time before */
 } wh_run;
 
@@ -133,15 +136,47 @@ wh_code wh_run_open_folder(wh_run *r);
 bool wh_run_is_begun(const wh_run *r);
 /* Opens the input of a begun run and refuses another one. */
 wh_code wh_run_reopen_input(wh_run *r);
+/* Looks at the input; with a planned run, refuses another one. */
+wh_code wh_run_look(wh_run *r);
+/* Refuses an input, which is open, that is not the one that the run was planned for. */
+wh_code wh_run_compare_input(wh_run *r);
+/* The plan is made: for good, once this returns. */
+wh_code wh_run_sign_plan(wh_run *r);
 /* True, with *step filled, when the next step, which is of this kind, is done. */
 bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step);
-/* The ledger of the next step, a round over so many clusters. NULL: there is none, or it failed,
- * which is recorded. */
-wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters);
+/* The ledger of the next step, a round over so many clusters, whose parts leave entries of a kind.
+ * NULL: there is none, or it failed, which is recorded. */
+wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind);
 /* The step is done: for good, once this returns. */
 wh_code wh_run_record(wh_run *r, const wh_step *step);
+/* The files of a store are not needed any more. */
+void wh_run_forget(wh_run *r, const wh_store *store);
 /* The end of the run, whole or not. */
 void wh_run_close_folder(wh_run *r, wh_code code);
+
+/* ---- share.c ------------------------------------------------------------------------------ */
+
+enum { WH_PARTS_MOST = 65536 };
+
+/* Parameters that go together. */
+wh_code wh_run_sensible_stage(wh_ctx *c, const wh_reduce_params *p);
+/* True for a process that does a part, and changes nothing of the run's state. */
+bool wh_run_is_part(const wh_run *r);
+/* True when parts can ingest the input, which is open or was looked at. */
+bool wh_run_shares_input(const wh_run *r);
+/* The stages that come before, or instead of, those of whittle.c. These and the next ones fail with
+ * WH_E_PAUSE when this process has done what it was started for. */
+wh_code wh_run_stage(wh_run *r);
+/* *taken: the parts ingested all of the input, and r->store is theirs. */
+wh_code wh_run_take_ingest(wh_run *r, bool *taken);
+/* The next step has parts: is it this process' turn, or are they all there? */
+wh_code wh_run_parts(wh_run *r, const wh_ledger *l, wh_ledger_kind kind);
+/* The part is done; returns `code` otherwise. */
+wh_code wh_run_end_part(wh_run *r, wh_code code);
+/* The next step is nothing for parts. */
+wh_code wh_run_alone(wh_run *r);
+/* There are no more rounds. */
+wh_code wh_run_end_rounds(wh_run *r);
 
 /* ---- seams.c ------------------------------------------------------------------------------ */
 

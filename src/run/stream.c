@@ -61,14 +61,14 @@ static wh_code settle_at(wh_run *r, wh_store *next, const wh_settle_params *p, b
 		next->spill = &r->spill;
 		return WH_OK;
 	}
-	next->ledger = wh_run_ledger(r, r->store.clusters);
+	next->ledger = wh_run_ledger(r, r->store.clusters, WH_LEDGER_TRIAL);
 	if (r->c->err.code != WH_OK || wh_run_cluster_workers(r, &ex) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
 	const wh_code code = wh_settle(r->c, &ex, &r->progress, &r->store, next, p, partly, &done);
 	next->ledger = NULL;
-	if (wh_run_phase_end(r, WH_PHASE_SETTLE, code) != WH_OK)
-		return code;
+	if (wh_run_end_part(r, wh_run_phase_end(r, WH_PHASE_SETTLE, code)) != WH_OK)
+		return wh_failed(r->c);
 	*step = (wh_step){.kind = WH_STEP_SETTLE,
 	                  .kept = done.reached || partly,
 	                  .store = *next,
@@ -94,7 +94,7 @@ static wh_code settle_once(wh_run *r)
 		if (settle_at(r, &next, &p, i == TRIALS - 1, &done) != WH_OK)
 			return r->c->err.code;
 	}
-	wh_round_remove(&r->store);
+	wh_run_forget(r, &r->store);
 	r->store = next;
 	r->faces = done.faces;
 	wh_run_note_unreferenced(r, done.unreferenced);
