@@ -91,7 +91,7 @@ static wh_code pack_all(wh_ctx *c, packing *p, wh_pieces_head *h, int ids_fd, co
 			return c->err.code;
 	h->ids_at = p->end;
 	h->checksum = XXH3_64bits_withSeed(p->table, table_bytes, XXH3_64bits(note, h->note_bytes));
-	if (copy(c, p, ids_fd, 0, h->ids * sizeof(uint64_t)) != WH_OK ||
+	if ((p->from && copy(c, p, ids_fd, 0, h->ids * sizeof(uint64_t)) != WH_OK) ||
 	    wh_spill_pwrite(c, p->to->spill, p->fd, h, sizeof *h, 0) != WH_OK ||
 	    wh_spill_pwrite(c, p->to->spill, p->fd, note, h->note_bytes, note_at) != WH_OK)
 		return c->err.code;
@@ -130,6 +130,7 @@ static int open_part(wh_ctx *c, const wh_store *s, uint32_t part, wh_pieces_head
 {
 	char name[WH_SPILL_NAME];
 	struct stat st;
+	*h = (wh_pieces_head){0};
 	file_name(s, part, name);
 	const int fd = wh_spill_read(c, s->spill, name);
 	if (fd < 0)
@@ -151,12 +152,28 @@ static int open_part(wh_ctx *c, const wh_store *s, uint32_t part, wh_pieces_head
 	return -1;
 }
 
+/* Does the piece lie between the table and the ids? */
+static bool is_inside(const wh_store *s, const wh_pieces_head *h, const piece *p)
+{
+	const uint64_t room = p->at < h->ids_at ? h->ids_at - p->at : 0;
+	const uint64_t face = wh_store_face_bytes(s), vertex = wh_store_vertex_bytes(s);
+	return p->faces <= room / face && p->vertices <= (room - p->faces * face) / vertex;
+}
+
 /* The pieces of clusters first .. first+n-1. */
 static wh_code read_table(wh_ctx *c, const wh_store *s, int fd, const wh_pieces_head *h,
                           uint32_t first, size_t n, piece *to)
 {
-	return wh_spill_pread(c, s->spill, fd, to, n * sizeof *to,
-	                      sizeof *h + h->note_bytes + first * sizeof *to);
+	if (wh_spill_pread(c, s->spill, fd, to, n * sizeof *to,
+	                   sizeof *h + h->note_bytes + first * sizeof *to) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++)
+		if (!is_inside(s, h, &to[i])) {
+			char name[WH_SPILL_NAME];
+			file_name(s, h->part, name);
+			return damaged(c, s, name);
+		}
+	return WH_OK;
 }
 
 static bool read_note(wh_ctx *c, const wh_store *s, int fd, const wh_pieces_head *h, void *note)
