@@ -61,6 +61,10 @@ static wh_code take_formats(wh_run *r)
 	}
 	if (r->to == WH_FORMAT_ANY)
 		r->to = WH_FORMAT_PLY;
+	if (r->params->quantize && r->to != WH_FORMAT_GLB)
+		return wh_fail(r->c, WH_E_USAGE,
+		               "only GLB is written with quantized positions: name the output "
+		               "*.glb, or say --to glb");
 	if (from && (!wh_format_parse(from, &r->from) || r->from == WH_FORMAT_GLB))
 		return wh_fail(r->c, WH_E_USAGE,
 		               "'%s' is no format that can be read: give ply, "

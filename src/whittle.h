@@ -39,6 +39,7 @@ typedef struct wh_reduce_params {
 	                       ".zst" behind it compressed; NULL: as its name ends, or else PLY */
 	bool force;         /* write over an existing output */
 	bool ascii;         /* text instead of binary */
+	bool quantize;      /* GLB with positions of 16 bits, normals and colours of 8 */
 	const char *seams;  /* NULL, or a path for the cut vertices of the first partition: a binary
 	                       PLY of positions; empty when there is one cluster */
 

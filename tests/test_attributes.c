@@ -95,8 +95,9 @@ static void read_content(fixture *f, const char *path, content *o)
 	const wh_exec ex = {.workers = 1};
 	wh_ctx *c = &f->t.ctx;
 	assert_int_equal(wh_spill_open(c, &o->spill, f->root, NULL), WH_OK);
-	assert_int_equal(
-	    wh_input_open_with(c, &ex, &o->spill, path, WH_FORMAT_ANY, false, NULL, &o->in), WH_OK);
+	assert_int_equal(wh_input_open_with(c, &ex, &o->spill, path, WH_FORMAT_ANY, false,
+	                                    (wh_wanted){NULL, WH_HOLDS_ALL}, &o->in),
+	                 WH_OK);
 	const wh_source *s = &o->in.source;
 	o->nv = s->nv;
 	void *scratch = wh_alloc(c, wh_source_vertex_bytes(s, o->nv), 1);
@@ -193,7 +194,8 @@ static void kinds_follow_from_name_and_type(void **state)
 		wh_ply_elem e = {.name = (char[]){"vertex"}, .props = props, .nprops = 4};
 		const wh_ply p = {.elems = &e, .nelems = 1, .x = 0, .y = 2, .z = 3};
 		wh_attributes a;
-		assert_int_equal(wh_attributes_choose(&t.ctx, &p, NULL, &a), WH_OK);
+		assert_int_equal(
+		    wh_attributes_choose(&t.ctx, &p, (wh_wanted){NULL, WH_HOLDS_ALL}, &a), WH_OK);
 		assert_int_equal(a.n, 1);
 		if (a.item[0].kind != rows[i].kind || a.bytes != rows[i].bytes)
 			fail_msg("%s: %s, %u bytes", name, wh_kind_name(a.item[0].kind), a.bytes);
@@ -276,6 +278,169 @@ static void every_type_survives_in_every_dialect(void **state)
 				assert_string_equal(first, f.report.checksum);
 			drop(&f);
 		}
+}
+
+/* Values that have nothing to do with one another, of every bit of a type. */
+static double scattered(const char *name, uint32_t v)
+{
+	const uint32_t k = (v + 1) * 2654435761U ^ (uint32_t)name[0] * 40503U;
+	return (double)(k >> 8) / 131072.0; /* 0 to 128 with 17 bits behind the point */
+}
+
+/* Vertices that stay keep every bit of theirs; the locked ones on the boundary all stay. */
+static void vertices_that_stay_keep_every_bit(void **state)
+{
+	(void)state;
+	fixture f;
+	content in, out;
+	size_t found = 0;
+	open_square(&f);
+	f.params.lock_boundary = true;
+	f.params.faces = 1500;
+	write_square(&f, WH_PLY_BE, all_types, ALL_TYPES, scattered);
+	reduces(&f);
+	read_content(&f, f.in, &in);
+	read_content(&f, f.out, &out);
+	const size_t bytes = in.in.attributes.bytes;
+	assert_true(in.in.attributes.n >= 10 && out.in.attributes.bytes == bytes);
+	for (uint32_t v = 0; v < NV; v++) {
+		const uint32_t x = v % (SIDE + 1), y = v / (SIDE + 1);
+		for (uint64_t u = 0; u < out.nv && (x % SIDE == 0 || y % SIDE == 0); u++)
+			if (memcmp(&in.xyz[3 * v], &out.xyz[3 * u], 24) == 0) {
+				assert_memory_equal(in.records + v * bytes, out.records + u * bytes,
+				                    bytes);
+				found++;
+			}
+	}
+	assert_int_equal(found, 4 * SIDE);
+	free_content(&f, &in);
+	free_content(&f, &out);
+	drop(&f);
+}
+
+/* ---- other formats ------------------------------------------------------------------------- */
+
+static const column coloured[] = {{"x", WH_F32},    {"y", WH_F32},      {"z", WH_F32},
+                                  {"nx", WH_F32},   {"ny", WH_F32},     {"nz", WH_F32},
+                                  {"red", WH_U8},   {"green", WH_U8},   {"blue", WH_U8},
+                                  {"alpha", WH_U8}, {"quality", WH_F32}};
+
+enum { COLOURED = sizeof coloured / sizeof *coloured };
+
+static double colours_and_normals(const char *name, uint32_t v)
+{
+	if (name[0] == 'n')
+		return name[1] == 'z' ? 0.8 : name[1] == 'y' ? -0.6 : 0;
+	return strcmp(name, "quality") == 0 ? v : (double)(v * 7 % 256);
+}
+
+/* Of all vertices, which are those of the square: the value that they had, as a share of white
+ * where it is a colour. */
+static void has_shares(const content *o, bool alpha)
+{
+	const wh_attributes *a = &o->in.attributes;
+	assert_int_equal(o->nv, NV);
+	for (uint64_t v = 0; v < NV; v++) {
+		uint32_t of = 0; /* the output has another order */
+		while (of < NV && ((float)place(of).x != (float)o->xyz[3 * v] ||
+		                   (float)place(of).y != (float)o->xyz[3 * v + 1]))
+			of++;
+		assert_true(of < NV);
+		for (uint32_t k = 0; k < a->n; k++) {
+			const wh_attribute *item = &a->item[k];
+			const uint8_t *record = o->records + v * a->bytes;
+			const double want = colours_and_normals(item->name, of);
+			if (!alpha && strcmp(item->name, "alpha") == 0)
+				assert_true(wh_attribute_share(item, record) == 1);
+			else if (item->kind == WH_KIND_COLOUR)
+				assert_true(rint(255 * wh_attribute_share(item, record)) == want);
+			else
+				assert_true((float)wh_attribute_get(item, record) == (float)want);
+		}
+	}
+}
+
+/* From PLY to one format and on to another: what both hold is the same at the end. */
+static void formats_hand_on_what_they_hold(void **state)
+{
+	(void)state;
+	static const struct {
+		const char *format, *carried, *dropped;
+		uint32_t n;
+	} to[] = {{"obj", "red, green, blue (colour)", "nx, ny, nz, alpha, quality", 3},
+	          {"off", "red, green, blue, alpha (colour), nx, ny, nz (normal)", "quality", 7},
+	          {"ply", "red, green, blue, alpha (colour), nx, ny, nz (normal), quality (scalar)",
+	           "", 8}};
+	for (size_t i = 0; i < 3; i++)
+		for (size_t k = 0; k < 3; k++) {
+			fixture f;
+			content o;
+			open_square(&f);
+			f.params.faces = 2 * (uint64_t)NF;
+			write_square(&f, WH_PLY_LE, coloured, COLOURED, colours_and_normals);
+			f.params.to = to[i].format;
+			f.params.ascii = true; /* else PLY is copied */
+			reduces(&f);
+			assert_string_equal(f.report.carried, to[i].carried);
+			assert_string_equal(f.report.dropped, to[i].dropped);
+			f.params.input = f.out;
+			f.params.output = f.in;
+			f.params.to = to[k].format;
+			f.params.ascii = false;
+			reduces(&f);
+			read_content(&f, f.in, &o);
+			/* OFF has an alpha always */
+			const uint32_t n = i == 0 && k == 1    ? 4
+			                   : to[k].n < to[i].n ? to[k].n
+			                                       : to[i].n;
+			assert_int_equal(o.in.attributes.n, n);
+			has_shares(&o, i > 0);
+			free_content(&f, &o);
+			drop(&f);
+		}
+}
+
+/* Colours that no header declares: from 0 to 1 or to 255; a vertex without one is white. */
+static void undeclared_colours_are_understood(void **state)
+{
+	(void)state;
+	static const struct {
+		const char *text;
+		double red[3]; /* of 255; -1: no colours */
+	} files[] = {
+	    {"v 0 0 0 0 0 0\nv 1 0 0 1 1 1\nv 0 1 0 .2 .5 0.5\nf 1 2 3\n", {0, 255, 51}},
+	    {"v 0 0 0 0 0 0\nv 1 0 0 1 1 1\nv 0 1 0 51 255 0\nf 1 2 3\n", {0, 1, 51}},
+	    {"v 0 0 0\nv 1 0 0 1\nv 0 1 0 .2 .5 0.5 # 8\nf 1 2 3\n", {-1, -1, -1}},
+	    {"v 0 0 0 .2 0 0\nv 1 0 0 1\nv 0 1 0 # .2 .2 .2\nf 1 2 3\n", {51, 255, 255}},
+	    {"COFF 3 1 0\n0 0 0 51 0 0 255\n1 0 0 0 0 0 255\n0 1 0 255 1 1 255\n3 0 1 2\n",
+	     {51, 0, 255}},
+	    {"COFF 3 1 0\n0 0 0 .2 0 0\n1 0 0 0 0 0\n0 1 0\n3 0 1 2\n", {51, 0, 255}},
+	    {"COFF 3 1 0\n0 0 0 51 0 0\n1 0\n0 0 0 0\n0 1 0 # white\n3 0 1 2\n",
+	     {51, 0, 255}}, /* word by word */
+	    {"COFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", {-1, -1, -1}},
+	    {"NCOFF 3 1 0\n0 0 0 0 0 1 .2 0 0 1\n1 0 0 0 0 1 0 0 0 1\n0 1 0 0 0 1 1 1 1 1\n3 0 1 "
+	     "2\n",
+	     {51, 0, 255}},
+	};
+	for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+		fixture f;
+		content o;
+		open_fixture(&f);
+		ply_file p = ply_write(files[i].text);
+		assert_int_equal(rename(p.path, f.in), 0);
+		read_content(&f, f.in, &o);
+		const wh_attributes *a = &o.in.attributes;
+		assert_int_equal(a->has_rgb, files[i].red[0] >= 0);
+		for (uint64_t v = 0; v < 3 && a->has_rgb; v++) {
+			const double share =
+			    wh_attribute_share(&a->item[a->rgb[0]], o.records + v * a->bytes);
+			if (rint(255 * share) != files[i].red[v])
+				fail_msg("%s: red of vertex %d is %g", files[i].text, (int)v,
+				         255 * share);
+		}
+		free_content(&f, &o);
+		drop(&f);
+	}
 }
 
 /* Text that is not one item a line, and lists beside the scalars of vertices. */
@@ -809,6 +974,9 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(kinds_follow_from_name_and_type),
 	    cmocka_unit_test(every_type_survives_in_every_dialect),
+	    cmocka_unit_test(vertices_that_stay_keep_every_bit),
+	    cmocka_unit_test(formats_hand_on_what_they_hold),
+	    cmocka_unit_test(undeclared_colours_are_understood),
 	    cmocka_unit_test(odd_layouts_give_the_same_values),
 	    cmocka_unit_test(a_word_that_is_no_number_is_named),
 	    cmocka_unit_test(labels_are_never_averaged),

@@ -115,6 +115,89 @@ static void whole_numbers_keep_to_their_range(void **state)
 	assert_null(wh_scan_whole("\n", &v));
 }
 
+/* ---- writing ---- */
+
+/* What is written brings v back, in as many digits as it takes or fewer than "%.17g" has. */
+static void assert_written(double v, bool is_double)
+{
+	char text[WH_NUMBER_TEXT + 1], all[64];
+	char *end = wh_print_real(text, is_double, v);
+	assert_true(end <= text + WH_NUMBER_TEXT);
+	*end = '\0';
+	(void)snprintf(all, sizeof all, "%.*g", is_double ? 17 : 9, v);
+	const double back = is_double ? strtod(text, NULL) : (double)strtof(text, NULL);
+	if (memcmp(&back, &v, sizeof v) != 0 || strlen(text) > strlen(all))
+		fail_msg("%s was written as '%s'", all, text);
+}
+
+static void what_is_written_comes_back(void **state)
+{
+	(void)state;
+	static const double odd[] = {0,
+	                             -0.0,
+	                             1,
+	                             -1,
+	                             0.1,
+	                             9.9999999999999991,
+	                             0.099999999999999992,
+	                             99999.999999999985,
+	                             1e15,
+	                             123456789012345680,
+	                             9007199254740994,
+	                             9007199254740991,
+	                             0.0001,
+	                             0.00009999,
+	                             5e-324,
+	                             1.7976931348623157e308,
+	                             0.30000000000000004,
+	                             5000000.25};
+	wh_rng r = wh_rng_seed(11);
+	for (size_t i = 0; i < sizeof odd / sizeof odd[0]; i++) {
+		assert_written(odd[i], true);
+		if (fabs(odd[i]) <= (double)FLT_MAX)
+			assert_written((double)(float)odd[i], false);
+	}
+	for (int i = 0; i < 100000; i++) {
+		const uint64_t bits = wh_rng_next(&r);
+		const uint32_t half = (uint32_t)bits;
+		double v;
+		float f;
+		memcpy(&v, &bits, sizeof v);
+		memcpy(&f, &half, sizeof f);
+		if (i % 4) /* what coordinates look like */
+			v = (wh_rng_unit(&r) - 0.5) * pow(10, i % 24 - 5);
+		if (i % 4 == 3)
+			v = rint(v * 1000) / 1000;
+		if (i % 4)
+			f = (float)v;
+		if (isfinite(v))
+			assert_written(v, true);
+		if (isfinite(f))
+			assert_written((double)f, false);
+	}
+}
+
+static void few_digits_stay_few(void **state)
+{
+	(void)state;
+	static const struct {
+		double v;
+		const char *text;
+	} known[] = {{0.1, "0.1"},     {-12.5, "-12.5"},     {1000, "1000"}, {0.00025, "0.00025"},
+	             {1e6, "1000000"}, {123.456, "123.456"}, {0, "0"},       {-7, "-7"}};
+	for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+		for (int is_double = 0; is_double <= 1; is_double++) {
+			char text[WH_NUMBER_TEXT + 1];
+			*wh_print_real(text, is_double, known[i].v) = '\0';
+			assert_string_equal(text, known[i].text);
+		}
+	char text[WH_NUMBER_TEXT + 1];
+	*wh_print_whole(text, UINT64_MAX) = '\0';
+	assert_string_equal(text, "18446744073709551615");
+	*wh_print_whole(text, 0) = '\0';
+	assert_string_equal(text, "0");
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -123,6 +206,8 @@ int main(void)
 	    cmocka_unit_test(what_is_not_finite_is_recognised),
 	    cmocka_unit_test(other_words_are_no_numbers),
 	    cmocka_unit_test(whole_numbers_keep_to_their_range),
+	    cmocka_unit_test(what_is_written_comes_back),
+	    cmocka_unit_test(few_digits_stay_few),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -25,7 +25,7 @@ static const char help[] =
     "      --holes N         in a terrain (default: up to 5)\n"
     "      --double          positions as double\n"
     "      --offset X,Y,Z    added to all positions, as double; rounded to 1/1024\n"
-    "      --colors          red, green, blue at the vertices\n"
+    "      --colours         red, green, blue at the vertices (also --colors)\n"
     "      --normals         nx, ny, nz at the vertices\n"
     "      --ascii           text instead of binary\n"
     "      --threads N       0 (default): all this process may use\n"
@@ -67,6 +67,7 @@ static const struct option long_options[] = {
     {"holes", required_argument, NULL, OPT_HOLES},
     {"double", no_argument, NULL, OPT_DOUBLE},
     {"offset", required_argument, NULL, OPT_OFFSET},
+    {"colours", no_argument, NULL, OPT_COLORS},
     {"colors", no_argument, NULL, OPT_COLORS},
     {"normals", no_argument, NULL, OPT_NORMALS},
     {"ascii", no_argument, NULL, OPT_ASCII},

@@ -49,6 +49,7 @@ static const char help[] =
     "                        killed can be resumed; gone when the result is there\n"
     "      --resume          go on with the run in the run directory, if there is one\n"
     "      --ascii           text instead of binary (PLY, STL)\n"
+    "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
     "      --report FILE     what was done, as JSON\n"
     "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
     "  -f, --force           write over existing outputs\n"

@@ -26,6 +26,7 @@ enum {
 	OPT_PARTS,
 	OPT_RESUME,
 	OPT_ASCII,
+	OPT_QUANTIZE,
 	OPT_FROM,
 	OPT_TO,
 	OPT_REPORT,
@@ -60,6 +61,7 @@ static const struct option long_options[] = {
     {"parts", required_argument, NULL, OPT_PARTS},
     {"resume", no_argument, NULL, OPT_RESUME},
     {"ascii", no_argument, NULL, OPT_ASCII},
+    {"quantize", no_argument, NULL, OPT_QUANTIZE},
     {"report", required_argument, NULL, OPT_REPORT},
     {"seams", required_argument, NULL, OPT_SEAMS},
     {"cluster-faces", required_argument, NULL, OPT_CLUSTER},
@@ -147,6 +149,8 @@ static bool *switch_of(reduce_options *o, int opt)
 		return &p->resume;
 	case OPT_ASCII:
 		return &p->ascii;
+	case OPT_QUANTIZE:
+		return &p->quantize;
 	case 'f':
 		return &p->force;
 	case 'q':

@@ -68,6 +68,7 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_text(o, "placement", p->placement ? p->placement : "usual");
 	put_text(o, "attributes", p->attributes ? p->attributes : "all");
 	put_text(o, "weights", p->weights ? p->weights : "");
+	put_flag(o, "quantize", p->quantize);
 	put_count(o, "memory_bytes", r->memory_ceiling);
 	put_count(o, "cluster_faces", p->cluster_faces);
 	put_count(o, "micro_faces", p->micro_faces);

@@ -50,4 +50,12 @@ static inline double wh_loadd(const void *p, bool swap)
 	return v;
 }
 
+/* The four bytes of v, the lowest one first; returns what is behind them. */
+static inline unsigned char *wh_put32(unsigned char *to, uint32_t v)
+{
+	v = wh_load32(&v, WH_HOST_BIG);
+	memcpy(to, &v, sizeof v);
+	return to + sizeof v;
+}
+
 #endif

@@ -176,19 +176,33 @@ static uint32_t carried(const wh_ply *p, const char *wanted)
 	return n;
 }
 
-static void add(wh_attributes *a, const wh_ply_prop *q, int prop, uint32_t file_at)
+/* Puts an attribute behind the others. */
+static void append(wh_attributes *a, const wh_attribute *item)
+{
+	wh_attribute *to = &a->item[a->n++];
+	*to = *item;
+	to->at = a->bytes;
+	a->bytes += wh_attribute_bytes(to);
+	a->file_bytes += wh_type_size(to->out);
+}
+
+/* Colours that no header declares are bytes to all who read PLY. */
+static wh_type out_of(const wh_ply *p, wh_type type, wh_kind kind)
+{
+	const bool text = p->kind == WH_FORMAT_OBJ || p->kind == WH_FORMAT_OFF;
+	return text && kind == WH_KIND_COLOUR ? WH_U8 : type;
+}
+
+static void add(wh_attributes *a, const wh_ply *p, const wh_ply_prop *q, int prop, uint32_t file_at)
 {
 	const wh_kind kind = kind_of(q);
-	wh_attribute *item = &a->item[a->n++];
-	*item = (wh_attribute){.name = q->name,
-	                       .type = q->type,
-	                       .kind = kind,
-	                       .form = form_of(q->type, kind),
-	                       .prop = prop,
-	                       .at = a->bytes,
-	                       .file_at = file_at};
-	a->bytes += wh_attribute_bytes(item);
-	a->file_bytes += wh_type_size(q->type);
+	append(a, &(wh_attribute){.name = q->name,
+	                          .type = q->type,
+	                          .out = out_of(p, q->type, kind),
+	                          .kind = kind,
+	                          .form = form_of(q->type, kind),
+	                          .prop = prop,
+	                          .file_at = file_at});
 }
 
 /* The first attribute of a kind whose name ends so. */
@@ -211,8 +225,8 @@ static bool find_parts(const wh_attributes *a, wh_kind kind, const char *const e
 	       find_part(a, kind, ending[2], &at[2]);
 }
 
-/* What belongs together, when all three parts are carried. */
-static void find_triples(wh_attributes *a)
+/* What belongs together, when all of its parts are carried. */
+static void find_groups(wh_attributes *a)
 {
 	static const char *const axes[] = {"x", "y", "z"},
 	                         *const words[] = {"red", "green", "blue"},
@@ -220,22 +234,59 @@ static void find_triples(wh_attributes *a)
 	a->has_normal = find_parts(a, WH_KIND_NORMAL, axes, a->normal);
 	a->has_rgb = find_parts(a, WH_KIND_COLOUR, words, a->rgb) ||
 	             find_parts(a, WH_KIND_COLOUR, letters, a->rgb);
+	a->has_alpha = a->has_rgb && (find_part(a, WH_KIND_COLOUR, "alpha", &a->alpha) ||
+	                              find_part(a, WH_KIND_COLOUR, "a", &a->alpha));
+	a->has_texture = (find_part(a, WH_KIND_TEXTURE, "s", &a->texture[0]) &&
+	                  find_part(a, WH_KIND_TEXTURE, "t", &a->texture[1])) ||
+	                 (find_part(a, WH_KIND_TEXTURE, "u", &a->texture[0]) &&
+	                  find_part(a, WH_KIND_TEXTURE, "v", &a->texture[1]));
 }
 
-wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_attributes *a)
+static bool is_among(uint32_t k, const uint32_t *at, int n)
+{
+	while (n > 0)
+		if (at[--n] == k)
+			return true;
+	return false;
+}
+
+/* Is attribute k of a group that there is room for? */
+static bool is_held(const wh_attributes *a, uint32_t k, uint32_t holds)
+{
+	return ((holds & WH_HOLDS_COLOUR) && a->has_rgb && is_among(k, a->rgb, 3)) ||
+	       ((holds & WH_HOLDS_ALPHA) && a->has_alpha && k == a->alpha) ||
+	       ((holds & WH_HOLDS_NORMAL) && a->has_normal && is_among(k, a->normal, 3)) ||
+	       ((holds & WH_HOLDS_TEXTURE) && a->has_texture && is_among(k, a->texture, 2));
+}
+
+/* Leaves out what there is no room for; what is left keeps its order, but not its place among the
+ * positions, which PLY alone has. */
+static void keep_held(wh_attributes *a, uint32_t holds)
+{
+	const wh_attributes all = *a;
+	*a = (wh_attributes){.item = all.item};
+	for (uint32_t k = 0; k < all.n; k++)
+		if (is_held(&all, k, holds)) {
+			const wh_attribute item = all.item[k];
+			append(a, &item);
+		}
+	find_groups(a);
+}
+
+wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_attributes *a)
 {
 	const wh_ply_elem *e = &p->elems[p->vertex];
-	const uint32_t n = carried(p, wanted);
+	const uint32_t n = carried(p, wanted.names);
 	*a = (wh_attributes){0};
-	if (check_names(c, p, wanted) != WH_OK)
+	if (check_names(c, p, wanted.names) != WH_OK)
 		return c->err.code;
-	if (n > WH_MOST_ATTRIBUTES)
+	if (n > WH_MOST_ATTRIBUTES && wanted.holds == WH_HOLDS_ALL)
 		return wh_fail(c, WH_E_USAGE,
 		               "'%s' has %" PRIu32
 		               " vertex properties, of which %d can be carried: name those that "
 		               "matter with --attributes",
 		               p->path, n, WH_MOST_ATTRIBUTES);
-	if (n == 0)
+	if (n == 0 || wanted.holds == 0)
 		return WH_OK;
 	a->item = wh_alloc(c, n, sizeof *a->item);
 	if (!a->item)
@@ -248,11 +299,13 @@ wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_
 		const wh_ply_prop *q = &e->props[i];
 		if (is_position(p, i))
 			a->before[i == p->x ? 0 : i == p->y ? 1 : 2] = a->n;
-		else if (!q->is_list && is_wanted(wanted, q))
-			add(a, q, i, file_at);
+		else if (!q->is_list && is_wanted(wanted.names, q))
+			add(a, p, q, i, file_at);
 		file_at += wh_type_size(q->type);
 	}
-	find_triples(a);
+	find_groups(a);
+	if (wanted.holds != WH_HOLDS_ALL)
+		keep_held(a, wanted.holds);
 	return WH_OK;
 }
 
@@ -470,20 +523,30 @@ const char *wh_attribute_scan(const wh_attribute *a, const char *s, uint8_t *rec
 	return end;
 }
 
-/* Bits of the value as a whole number of the file's type. */
+/* Bits of the value as a whole number of the output's type. */
 static uint64_t whole_of(const wh_attribute *a, const uint8_t *record)
 {
 	if (a->form == WH_FORM_WHOLE)
 		return wh_load_integer(record + a->at, a->type, false);
-	return whole(a->type, wh_attribute_get(a, record));
+	const double v = wh_attribute_get(a, record);
+	return whole(a->out,
+	             a->out == a->type ? v : v * wh_type_white(a->out) / wh_type_white(a->type));
+}
+
+double wh_attribute_share(const wh_attribute *a, const uint8_t *record)
+{
+	const double v = wh_attribute_get(a, record), white = wh_type_white(a->type);
+	if (!(v > 0))
+		return 0;
+	return v >= white ? 1 : (wh_type_is_integer(a->type) ? rint(v) : v) / white;
 }
 
 unsigned char *wh_attribute_store(const wh_attribute *a, const uint8_t *record, unsigned char *to)
 {
-	const uint32_t size = wh_type_size(a->type);
-	if (a->type == WH_F32)
+	const uint32_t size = wh_type_size(a->out);
+	if (a->out == WH_F32)
 		store_low(to, wh_load32(record + a->at, false), size);
-	else if (a->type == WH_F64)
+	else if (a->out == WH_F64)
 		store_low(to, wh_load64(record + a->at, false), size);
 	else
 		store_low(to, whole_of(a, record), size);
@@ -492,13 +555,12 @@ unsigned char *wh_attribute_store(const wh_attribute *a, const uint8_t *record, 
 
 char *wh_attribute_print(const wh_attribute *a, const uint8_t *record, char *to)
 {
-	int n;
-	if (!wh_type_is_integer(a->type)) /* digits that bring every value back */
-		n = snprintf(to, WH_ATTRIBUTE_TEXT, "%.*g", a->type == WH_F32 ? 9 : 17,
-		             wh_attribute_get(a, record));
-	else if (wh_type_is_signed(a->type))
-		n = snprintf(to, WH_ATTRIBUTE_TEXT, "%" PRId64, (int64_t)whole_of(a, record));
-	else
-		n = snprintf(to, WH_ATTRIBUTE_TEXT, "%" PRIu64, whole_of(a, record));
-	return to + n;
+	if (!wh_type_is_integer(a->out))
+		return wh_print_real(to, a->out == WH_F64, wh_attribute_get(a, record));
+	const uint64_t v = whole_of(a, record);
+	if (wh_type_is_signed(a->out) && (int64_t)v < 0) {
+		*to++ = '-';
+		return wh_print_whole(to, 0 - v);
+	}
+	return wh_print_whole(to, v);
 }

@@ -21,6 +21,10 @@
  *     double    averaged 32- and 64-bit numbers, doubles   8
  *     whole     labels of whole numbers                    those of the type
  *
+ * PLY holds them all. Of what other formats know by its meaning alone there are groups, each whole
+ * or not there at all: red, green and blue; alpha beside them; normals; texture coordinates. Text
+ * of other formats has colours from 0 to 1, which become bytes in PLY.
+ *
  * A value that is never averaged comes out with the bits it went in with, however often it is
  * copied. Records are in the byte order of the machine, without gaps.
  */
@@ -45,7 +49,8 @@ typedef enum wh_form { WH_FORM_FIXED, WH_FORM_FLOAT, WH_FORM_DOUBLE, WH_FORM_WHO
 
 typedef struct wh_attribute {
 	const char *name; /* the header's */
-	wh_type type;     /* in the file, and in the output */
+	wh_type type;     /* in the file */
+	wh_type out;      /* in a PLY output */
 	wh_kind kind;
 	wh_form form;
 	int prop;         /* its place among the properties of the element */
@@ -64,18 +69,35 @@ typedef struct wh_attributes {
 	uint32_t before[3];  /* attributes that come before x, y and z in the file, ... */
 	int rank[3];         /* ... and which of x, y and z comes first: they ascend in its order */
 	bool weighted;       /* one of them has a weight */
-	bool has_normal, has_rgb;
-	uint32_t normal[3]; /* places of nx, ny and nz when has_normal: all three are carried */
-	uint32_t rgb[3];    /* the same of red, green and blue */
+	bool has_normal, has_rgb, has_alpha, has_texture;
+	uint32_t normal[3];  /* places of nx, ny and nz when has_normal: all three are carried */
+	uint32_t rgb[3];     /* the same of red, green and blue, ... */
+	uint32_t alpha;      /* ... of alpha, only with those, ... */
+	uint32_t texture[2]; /* ... and of s and t, or u and v */
 } wh_attributes;
 
+/* What an output has room for. */
+enum {
+	WH_HOLDS_COLOUR = 1,
+	WH_HOLDS_ALPHA = 2,
+	WH_HOLDS_NORMAL = 4,
+	WH_HOLDS_TEXTURE = 8,
+	WH_HOLDS_ALL = 255 /* any property */
+};
+
+/* What to carry: names as below, as far as the output has room for it. */
+typedef struct wh_wanted {
+	const char *names;
+	uint32_t holds;
+} wh_wanted;
+
 /*
- * Chooses among the vertex properties of p, which must stay open as long as *a is in use. `wanted`:
+ * Chooses among the vertex properties of p, which must stay open as long as *a is in use. Names:
  * NULL or "all"; "none"; or names with commas between them, where colour, normal and texture stand
  * for all of that kind that there are. WH_E_USAGE for any other name that the file does not have,
  * or more than WH_MOST_ATTRIBUTES.
  */
-wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_attributes *a);
+wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_attributes *a);
 void wh_attributes_free(wh_ctx *c, wh_attributes *a);
 
 /*
@@ -104,6 +126,10 @@ double wh_type_white(wh_type type);
 /* The value in a record as a number; 64-bit labels lose digits. */
 double wh_attribute_get(const wh_attribute *a, const uint8_t *record);
 
+/* The value of a colour as a share of the brightest, in 0 .. 1: of whole numbers as rounded to
+ * their type. */
+double wh_attribute_share(const wh_attribute *a, const uint8_t *record);
+
 /* Puts a value into a record, rounded and clamped to what the form holds. */
 void wh_attribute_set(const wh_attribute *a, uint8_t *record, double v);
 
@@ -114,7 +140,7 @@ void wh_attribute_load(const wh_attribute *a, const unsigned char *scalar, bool 
 /* The same with the word at s (io/number.h). Returns the word's end, NULL when it is no number. */
 const char *wh_attribute_scan(const wh_attribute *a, const char *s, uint8_t *record);
 
-/* The value as a scalar of the file's type, little-endian; rounded and clamped to it. Returns the
+/* The value as a scalar of the output's type, little-endian; rounded and clamped to it. Returns the
  * byte behind it. */
 unsigned char *wh_attribute_store(const wh_attribute *a, const uint8_t *record, unsigned char *to);
 

@@ -1,27 +1,26 @@
 /*
- * PLY is written by ply_write, and so are the lines of OFF, which are the same as those of a PLY
- * text. GLB is a header of JSON with the counts and the bounds, then positions and indices; as it
- * has floats only, doubles are written as distances from the middle of the box, and a node moves
- * them there.
+ * PLY is written by ply_write, GLB by glb_write. The bytes of OBJ and OFF are put together in the
+ * output's own buffer.
  */
 #include "io/mesh_write.h"
 
-#include "base/bytes.h"
-#include "base/real.h"
+#include "io/attributes.h"
+#include "io/number.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 
 enum {
-	ROOM = 65536,    /* of an outfile */
-	OBJ_RECORD = 96, /* bytes of a line, at most */
-	STL_TEXT = 512,  /* bytes of a facet of text, at most */
-	FACET = 50,      /* bytes of a binary one */
-	STL_HEADER = 80,
-	GLB_JSON = 2048, /* bytes of it, at most */
-	GLB_HEADERS = 28 /* bytes: of the file, and of its two chunks */
+	ROOM = 65536, /* of an outfile */
+	BATCH =
+	    ROOM / 320, /* vertices or triangles put together at a time: none takes as many bytes */
+	STL_TEXT = 512, /* bytes of a facet of text, at most */
+	STL_HEADER = 80
 };
+
+/* 3 doubles of a position, 3 floats of a normal, 4 bytes of a colour, 2 floats of a texture */
+_Static_assert(3 * 26 + 3 * 17 + 4 * 4 + 2 * 17 < 320, "a vertex fits");
 
 /* ---- bounds ------------------------------------------------------------------------------- */
 
@@ -42,6 +41,22 @@ void wh_mesh_box_join(wh_mesh_box *b, const wh_mesh_box *other)
 	wh_mesh_box_add(b, other->hi);
 }
 
+uint32_t wh_mesh_holds(wh_format format)
+{
+	switch (format) {
+	case WH_FORMAT_OBJ:
+		return WH_HOLDS_COLOUR;
+	case WH_FORMAT_OFF:
+		return WH_HOLDS_COLOUR | WH_HOLDS_ALPHA | WH_HOLDS_NORMAL | WH_HOLDS_TEXTURE;
+	case WH_FORMAT_GLB:
+		return WH_HOLDS_COLOUR | WH_HOLDS_ALPHA | WH_HOLDS_NORMAL;
+	case WH_FORMAT_STL:
+		return 0;
+	default:
+		return WH_HOLDS_ALL;
+	}
+}
+
 bool wh_mesh_wants_box(wh_ply_style style)
 {
 	return style.format == WH_FORMAT_GLB;
@@ -54,146 +69,94 @@ bool wh_mesh_wants_facets(wh_ply_style style)
 
 /* ---- bytes -------------------------------------------------------------------------------- */
 
-static unsigned char *put32(unsigned char *to, uint32_t v)
-{
-	v = wh_load32(&v, WH_HOST_BIG);
-	memcpy(to, &v, sizeof v);
-	return to + sizeof v;
-}
-
 static unsigned char *put_float(unsigned char *to, double x)
 {
 	const float f = (float)x;
 	uint32_t v;
 	memcpy(&v, &f, sizeof v);
-	return put32(to, v);
+	return wh_put32(to, v);
 }
 
-/* The digits that bring the number back. */
-static char *put_real(char *to, bool is_double, double x)
-{
-	return to + snprintf(to, 32, "%.*g", is_double ? 17 : 9, is_double ? x : wh_round_float(x));
-}
+/* ---- words -------------------------------------------------------------------------------- */
 
-/* ---- GLB ---------------------------------------------------------------------------------- */
-
-/* Where positions are counted from: the middle, for what floats cannot hold. */
-static void choose_origin(wh_mesh_out *m, const wh_mesh_box *box)
+static char *put_triple(char *to, bool is_double, const double v[3])
 {
-	for (int k = 0; m->style.is_double && k < 3; k++)
-		m->origin[k] = wh_round_float(0.5 * box->lo[k] + 0.5 * box->hi[k]);
-}
-
-static char *put_triple(char *to, const char *name, const double v[3], bool is_double)
-{
-	to += sprintf(to, "\"%s\":[", name);
 	for (int k = 0; k < 3; k++) {
-		to = put_real(to, is_double, v[k]);
-		*to++ = k < 2 ? ',' : ']';
+		to = wh_print_real(to, is_double, v[k]);
+		*to++ = ' ';
 	}
 	return to;
 }
 
-static size_t glb_json(const wh_mesh_out *m, uint64_t nv, uint64_t nf, const wh_mesh_box *box,
-                       char text[GLB_JSON])
+static char *put_values(char *to, const wh_attributes *a, const uint32_t *at, int n,
+                        const uint8_t *record)
 {
-	double lo[3], hi[3];
-	for (int k = 0; k < 3; k++) {
-		lo[k] = box->lo[k] - m->origin[k];
-		hi[k] = box->hi[k] - m->origin[k];
-	}
-	char *to = text;
-	to += sprintf(to, "{\"asset\":{\"version\":\"2.0\",\"generator\":\"whittle\"},"
-	                  "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0");
-	if (m->style.is_double) {
-		*to++ = ',';
-		to = put_triple(to, "translation", m->origin, true);
-	}
-	to += sprintf(to,
-	              "}],\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},"
-	              "\"indices\":1,\"mode\":4}]}],\"accessors\":[{\"bufferView\":0,"
-	              "\"componentType\":5126,\"count\":%" PRIu64 ",\"type\":\"VEC3\",",
-	              nv);
-	to = put_triple(to, "min", lo, false);
-	*to++ = ',';
-	to = put_triple(to, "max", hi, false);
-	to += sprintf(
-	    to,
-	    "},{\"bufferView\":1,\"componentType\":5125,\"count\":%" PRIu64
-	    ",\"type\":\"SCALAR\"}],\"bufferViews\":[{\"buffer\":0,\"byteLength\":%" PRIu64
-	    ",\"target\":34962},{\"buffer\":0,\"byteOffset\":%" PRIu64 ",\"byteLength\":%" PRIu64
-	    ",\"target\":34963}],\"buffers\":[{\"byteLength\":%" PRIu64 "}]}",
-	    3 * nf, 12 * nv, 12 * nv, 12 * nf, 12 * (nv + nf));
-	while ((to - text) % 4 != 0)
+	for (int k = 0; k < n; k++) {
+		to = wh_print_real(to, false, wh_attribute_get(&a->item[at[k]], record));
 		*to++ = ' ';
-	return (size_t)(to - text);
-}
-
-static wh_code glb_begin(wh_ctx *c, wh_mesh_out *m, uint64_t nv, uint64_t nf,
-                         const wh_mesh_box *box)
-{
-	char json[GLB_JSON];
-	unsigned char head[20], bin[8];
-	if (nv >= UINT32_MAX || 12 * (nv + nf) > UINT32_MAX - GLB_JSON - GLB_HEADERS)
-		return wh_fail(
-		    c, WH_E_USAGE,
-		    "%" PRIu64 " vertices and %" PRIu64
-		    " faces do not fit a GLB file, which ends at 4 GiB; reduce to fewer, "
-		    "or write PLY",
-		    nv, nf);
-	choose_origin(m, box);
-	const size_t n = glb_json(m, nv, nf, box, json);
-	const uint32_t body = (uint32_t)(12 * (nv + nf));
-	unsigned char *to = put32(head, 0x46546c67); /* "glTF" */
-	to = put32(to, 2);
-	to = put32(to, (uint32_t)(GLB_HEADERS + n) + body);
-	to = put32(to, (uint32_t)n);
-	(void)put32(to, 0x4e4f534a);               /* "JSON" */
-	(void)put32(put32(bin, body), 0x004e4942); /* "BIN" */
-	if (wh_outfile_write(c, m->out, head, sizeof head) != WH_OK ||
-	    wh_outfile_write(c, m->out, json, n) != WH_OK)
-		return c->err.code;
-	return wh_outfile_write(c, m->out, bin, sizeof bin);
-}
-
-static size_t glb_vertices(const wh_mesh_out *m, unsigned char *to, const double *xyz, size_t n)
-{
-	for (size_t i = 0; i < 3 * n; i++)
-		to = put_float(to, xyz[i] - m->origin[i % 3]);
-	return 12 * n;
-}
-
-static size_t glb_triangles(unsigned char *to, const uint32_t *ids, size_t n)
-{
-	for (size_t i = 0; i < 3 * n; i++)
-		to = put32(to, ids[i]);
-	return 12 * n;
+	}
+	return to;
 }
 
 /* ---- OBJ ---------------------------------------------------------------------------------- */
 
-static size_t obj_vertices(const wh_mesh_out *m, char *to, const double *xyz, size_t n)
+/* "v x y z", with red, green and blue from 0 to 1 behind. */
+static char *obj_vertex(const wh_mesh_out *m, char *to, const double xyz[3], const uint8_t *record)
 {
-	char *const start = to;
-	for (size_t i = 0; i < n; i++) {
-		*to++ = 'v';
-		for (size_t k = 0; k < 3; k++) {
-			*to++ = ' ';
-			to = put_real(to, m->style.is_double, xyz[3 * i + k]);
-		}
-		*to++ = '\n';
+	const wh_attributes *a = m->style.attributes;
+	*to++ = 'v';
+	*to++ = ' ';
+	to = put_triple(to, m->style.is_double, xyz);
+	for (int k = 0; a && a->has_rgb && k < 3; k++) {
+		to = wh_print_real(to, false, wh_attribute_share(&a->item[a->rgb[k]], record));
+		*to++ = ' ';
 	}
-	return (size_t)(to - start);
+	to[-1] = '\n';
+	return to;
 }
 
-static size_t obj_triangles(char *to, const uint32_t *ids, size_t n)
+static char *obj_triangle(char *to, const uint32_t ids[3])
 {
-	char *const start = to;
-	for (size_t i = 0; i < n; i++)
-		to +=
-		    sprintf(to, "f %" PRIu64 " %" PRIu64 " %" PRIu64 "\n", (uint64_t)ids[3 * i] + 1,
-		            (uint64_t)ids[3 * i + 1] + 1, (uint64_t)ids[3 * i + 2] + 1);
-	return (size_t)(to - start);
+	*to++ = 'f';
+	for (int k = 0; k < 3; k++) {
+		*to++ = ' ';
+		to = wh_print_whole(to, (uint64_t)ids[k] + 1);
+	}
+	*to++ = '\n';
+	return to;
+}
+
+/* ---- OFF ---------------------------------------------------------------------------------- */
+
+/* Behind the position, and in this order: normal, red, green, blue and alpha as bytes, texture
+ * coordinates. */
+static char *off_vertex(const wh_mesh_out *m, char *to, const double xyz[3], const uint8_t *record)
+{
+	const wh_attributes *a = m->style.attributes;
+	to = put_triple(to, m->style.is_double, xyz);
+	if (a && a->has_normal)
+		to = put_values(to, a, a->normal, 3, record);
+	for (int k = 0; a && a->has_rgb && k < 4; k++) {
+		const wh_attribute *item = &a->item[k < 3 ? a->rgb[k] : a->alpha];
+		const double share = k < 3 || a->has_alpha ? wh_attribute_share(item, record) : 1;
+		to = wh_print_whole(to, (uint64_t)rint(255 * share));
+		*to++ = ' ';
+	}
+	if (a && a->has_texture)
+		to = put_values(to, a, a->texture, 2, record);
+	to[-1] = '\n';
+	return to;
+}
+
+static char *off_triangle(char *to, const uint32_t ids[3])
+{
+	*to++ = '3';
+	for (int k = 0; k < 3; k++) {
+		*to++ = ' ';
+		to = wh_print_whole(to, ids[k]);
+	}
+	*to++ = '\n';
+	return to;
 }
 
 /* ---- STL ---------------------------------------------------------------------------------- */
@@ -208,7 +171,7 @@ static wh_code stl_begin(wh_ctx *c, const wh_mesh_out *m, uint64_t nf)
 		               "%" PRIu64 " faces do not fit an STL file; reduce to fewer, or "
 		               "write PLY",
 		               nf);
-	(void)put32(head + STL_HEADER, (uint32_t)nf);
+	(void)wh_put32(head + STL_HEADER, (uint32_t)nf);
 	return wh_outfile_write(c, m->out, head, sizeof head);
 }
 
@@ -247,7 +210,7 @@ static char *stl_line(char *to, bool is_double, const char *words, const double 
 	to += sprintf(to, "%s", words);
 	for (int k = 0; k < 3; k++) {
 		*to++ = ' ';
-		to = put_real(to, is_double, v[k]);
+		to = wh_print_real(to, is_double, v[k]);
 	}
 	*to++ = '\n';
 	return to;
@@ -285,16 +248,13 @@ wh_code wh_mesh_facets(wh_ctx *c, const wh_mesh_out *m, const double *xyz, doubl
 
 /* ---- any ---------------------------------------------------------------------------------- */
 
-/* OFF's lines are those of a PLY text. */
-static wh_ply_style text_style(const wh_mesh_out *m)
-{
-	return (wh_ply_style){.ascii = true, .is_double = m->style.is_double};
-}
-
 static wh_code off_begin(wh_ctx *c, const wh_mesh_out *m, uint64_t nv, uint64_t nf)
 {
+	const wh_attributes *a = m->style.attributes;
 	char text[96];
-	const int n = snprintf(text, sizeof text, "OFF\n%" PRIu64 " %" PRIu64 " 0\n", nv, nf);
+	const int n = snprintf(text, sizeof text, "%s%s%sOFF\n%" PRIu64 " %" PRIu64 " 0\n",
+	                       a && a->has_texture ? "ST" : "", a && a->has_rgb ? "C" : "",
+	                       a && a->has_normal ? "N" : "", nv, nf);
 	return wh_outfile_write(c, m->out, text, (size_t)n);
 }
 
@@ -311,53 +271,81 @@ wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style s
 	case WH_FORMAT_STL:
 		return stl_begin(c, m, nf);
 	case WH_FORMAT_GLB:
-		return glb_begin(c, m, nv, nf, box);
+		return wh_glb_begin(c, &m->glb, out, style, nv, nf, box->lo, box->hi);
 	default:
 		return wh_ply_write_header(c, out, style, nv, nf);
 	}
 }
 
+static void *put_vertices(const wh_mesh_out *m, void *room, const double *xyz,
+                          const uint8_t *records, size_t n)
+{
+	const size_t size = m->style.attributes ? m->style.attributes->bytes : 0;
+	char *to = room;
+	if (m->style.format == WH_FORMAT_GLB)
+		return wh_glb_vertices(&m->glb, room, xyz, records, n);
+	for (size_t i = 0; i < n; i++) {
+		const uint8_t *record = size ? records + i * size : NULL;
+		to = m->style.format == WH_FORMAT_OBJ ? obj_vertex(m, to, xyz + 3 * i, record)
+		                                      : off_vertex(m, to, xyz + 3 * i, record);
+	}
+	return to;
+}
+
+static void *put_triangles(const wh_mesh_out *m, void *room, const uint32_t *ids, size_t n)
+{
+	char *to = room;
+	if (m->style.format == WH_FORMAT_GLB)
+		return wh_glb_triangles(&m->glb, room, ids, n);
+	for (size_t i = 0; i < n; i++)
+		to = m->style.format == WH_FORMAT_OBJ ? obj_triangle(to, ids + 3 * i)
+		                                      : off_triangle(to, ids + 3 * i);
+	return to;
+}
+
+static bool is_ours(const wh_mesh_out *m)
+{
+	return m->style.format == WH_FORMAT_OBJ || m->style.format == WH_FORMAT_OFF ||
+	       m->style.format == WH_FORMAT_GLB;
+}
+
 wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, const uint8_t *records,
                          size_t n)
 {
-	enum { BATCH = ROOM / OBJ_RECORD };
-	if (m->style.format == WH_FORMAT_OFF)
-		return wh_ply_write_vertices(c, m->out, text_style(m), xyz, n);
-	if (m->style.format != WH_FORMAT_OBJ && m->style.format != WH_FORMAT_GLB)
+	const size_t size = m->style.attributes ? m->style.attributes->bytes : 0;
+	if (!is_ours(m))
 		return wh_ply_write_records(c, m->out, m->style, xyz, records, n);
 	for (size_t done = 0; done < n; done += BATCH) {
 		const size_t k = n - done < BATCH ? n - done : BATCH;
-		void *room = wh_outfile_room(c, m->out, ROOM);
+		char *room = wh_outfile_room(c, m->out, ROOM);
 		if (!room)
 			return wh_failed(c);
-		wh_outfile_advance(m->out, m->style.format == WH_FORMAT_OBJ
-		                               ? obj_vertices(m, room, xyz + 3 * done, k)
-		                               : glb_vertices(m, room, xyz + 3 * done, k));
+		const char *end =
+		    put_vertices(m, room, xyz + 3 * done, size ? records + done * size : NULL, k);
+		wh_outfile_advance(m->out, (size_t)(end - room));
 	}
 	return WH_OK;
 }
 
 wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, size_t n)
 {
-	enum { BATCH = ROOM / OBJ_RECORD };
-	if (m->style.format == WH_FORMAT_OFF)
-		return wh_ply_write_triangles(c, m->out, text_style(m), ids, n);
-	if (m->style.format != WH_FORMAT_OBJ && m->style.format != WH_FORMAT_GLB)
+	if (!is_ours(m))
 		return wh_ply_write_triangles(c, m->out, m->style, ids, n);
 	for (size_t done = 0; done < n; done += BATCH) {
 		const size_t k = n - done < BATCH ? n - done : BATCH;
-		void *room = wh_outfile_room(c, m->out, ROOM);
+		char *room = wh_outfile_room(c, m->out, ROOM);
 		if (!room)
 			return wh_failed(c);
-		wh_outfile_advance(m->out, m->style.format == WH_FORMAT_OBJ
-		                               ? obj_triangles(room, ids + 3 * done, k)
-		                               : glb_triangles(room, ids + 3 * done, k));
+		const char *end = put_triangles(m, room, ids + 3 * done, k);
+		wh_outfile_advance(m->out, (size_t)(end - room));
 	}
 	return WH_OK;
 }
 
 wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m)
 {
+	if (m->style.format == WH_FORMAT_GLB)
+		return wh_glb_end(c, &m->glb, m->out);
 	return m->style.format == WH_FORMAT_STL && m->style.ascii
 	           ? wh_outfile_write(c, m->out, "endsolid whittle\n", 17)
 	           : WH_OK;

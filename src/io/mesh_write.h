@@ -4,10 +4,15 @@
  * First wh_mesh_begin; then all vertices and all triangles, or, where wh_mesh_wants_facets, facets
  * alone; then wh_mesh_end. The bytes depend on the mesh and the style alone. PLY, OFF, OBJ and text
  * hold doubles where the style says so; STL and GLB have floats only.
+ *
+ * Colours: OBJ has three numbers from 0 to 1 behind a position, OFF four bytes in decimal, GLB four
+ * numbers of 16 bits that are proportional to light. Those of a PLY file, and all that are bytes,
+ * are taken for sRGB, as photographs and screens have it.
  */
 #ifndef WH_IO_MESH_WRITE_H
 #define WH_IO_MESH_WRITE_H
 
+#include "io/glb_write.h"
 #include "io/outfile.h"
 #include "io/ply.h"
 
@@ -20,6 +25,9 @@ typedef struct wh_mesh_box {
 void wh_mesh_box_add(wh_mesh_box *b, const double p[3]);
 void wh_mesh_box_join(wh_mesh_box *b, const wh_mesh_box *other);
 
+/* What a format has room for beside positions and triangles: WH_HOLDS_... of io/attributes.h. The
+ * attributes of a style for it have nothing else. */
+uint32_t wh_mesh_holds(wh_format format);
 /* True when the header holds the bounds, which have to be found first. */
 bool wh_mesh_wants_box(wh_ply_style style);
 /* True when triangles are written with their positions, and vertices not at all. */
@@ -29,7 +37,7 @@ bool wh_mesh_wants_facets(wh_ply_style style);
 typedef struct wh_mesh_out {
 	wh_outfile *out;
 	wh_ply_style style;
-	double origin[3]; /* taken off all positions (GLB of doubles) */
+	wh_glb glb;
 } wh_mesh_out;
 
 /* The header. `box` may be NULL where nobody wants it. WH_E_USAGE when the format cannot hold so
@@ -44,6 +52,7 @@ wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, 
 /* n triangles of the vertices at xyz, whose coordinates are multiplied by `scale`. */
 wh_code wh_mesh_facets(wh_ctx *c, const wh_mesh_out *m, const double *xyz, double scale,
                        const uint32_t *ids, size_t n);
+/* What is left to be written. */
 wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m);
 
 #endif

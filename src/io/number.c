@@ -3,6 +3,12 @@
  * below 2^53 and |e| at most 22, both m and 10^|e| are exact doubles, so that one multiplication
  * or division rounds correctly (Clinger 1990). That is nearly every number in a scan; the rest
  * goes to the C library in the "C" locale, which is some ten times slower.
+ *
+ * Written, a real v is m / 10^e again, m with a fixed number of digits. Few digits are tried first:
+ * where m is below 2^53, one division tells whether they bring v back (of floats: unless it ends
+ * half-way between two of them, where it may be the wrong one). All seventeen digits of a double
+ * come from its 53-bit integer times a power of ten in 128 bits, which is exact. What is too large
+ * or too small for that is left to the C library, which takes ten times as long.
  */
 #define _GNU_SOURCE
 #include "io/number.h"
@@ -13,6 +19,7 @@
 #include <locale.h>
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -156,4 +163,157 @@ const char *wh_scan_decimal(const char *s, double *v, bool *wide)
 	if (s && !is_float(*v, last))
 		*wide = true;
 	return s;
+}
+
+/* ---- writing ------------------------------------------------------------------------------ */
+
+enum {
+	FLOAT_FEW = 6,
+	FLOAT_ALL = 9, /* digits that bring any float back, ... */
+	DOUBLE_FEW = 15,
+	DOUBLE_ALL = 17, /* ... and any double */
+	LEAST_EXPONENT = -4
+};
+
+__extension__ typedef unsigned __int128 wide;
+
+/* Digits with the point behind the first of them, times 10^exponent. */
+typedef struct decimal {
+	uint64_t digits;
+	int exponent;
+} decimal;
+
+char *wh_print_whole(char *to, uint64_t v)
+{
+	char digits[20];
+	size_t n = 0;
+	do {
+		digits[sizeof digits - ++n] = (char)('0' + v % 10);
+		v /= 10;
+	} while (v);
+	memcpy(to, digits + sizeof digits - n, n);
+	return to + n;
+}
+
+/* A decimal of n digits as "%.ng" has it. */
+static char *put_decimal(char *to, decimal d, int n)
+{
+	char digits[20];
+	int used = n;
+	for (; used > 1 && d.digits % 10 == 0; used--)
+		d.digits /= 10;
+	for (int i = used; i > 0; d.digits /= 10)
+		digits[--i] = (char)('0' + d.digits % 10);
+	for (int i = d.exponent; i < 0; i++) { /* "0.00" */
+		*to++ = '0';
+		if (i == d.exponent)
+			*to++ = '.';
+	}
+	for (int i = 0; i < used || i <= d.exponent; i++) {
+		if (i == d.exponent + 1 && i > 0)
+			*to++ = '.';
+		*to++ = i < used ? digits[i] : '0';
+	}
+	return to;
+}
+
+/* v > 0 to n digits; the last one may be off by one. */
+static decimal round_to(double v, int exponent, int n)
+{
+	const int e = n - 1 - exponent;
+	const double m = rint(e >= 0 ? v * power[e] : v / power[-e]);
+	if (m >= power[n])
+		return (decimal){(uint64_t)m / 10, exponent + 1};
+	return (decimal){(uint64_t)m, exponent};
+}
+
+/* The number that a decimal of n digits is, correctly rounded when it is below 2^53. */
+static double value_of(decimal d, int n)
+{
+	const int e = n - 1 - d.exponent;
+	return e >= 0 ? (double)d.digits / power[e] : (double)d.digits * power[-e];
+}
+
+/* Half-way between two floats, to the last bit. */
+static bool is_between_floats(double v)
+{
+	uint64_t bits;
+	memcpy(&bits, &v, sizeof bits);
+	return (bits & 0x1fffffff) == 0x10000000;
+}
+
+static bool brings_back(bool is_double, decimal d, int n, double v)
+{
+	const double back = value_of(d, n);
+	if (is_double)
+		return back == v;
+	return !is_between_floats(back) && wh_round_float(back) == v;
+}
+
+/* The exponent of v > 0, or one less. */
+static int exponent_of(double v)
+{
+	int e = -1;
+	if (v >= 1)
+		while (e + 1 <= MOST_POWER && v >= power[e + 1])
+			e++;
+	else
+		while (v * power[-e] < 1 && e > LEAST_EXPONENT - 1)
+			e--;
+	return e;
+}
+
+/* All seventeen digits. False: it is too large or too small for that. */
+static bool all_of_double(double v, int exponent, decimal *d)
+{
+	int binary;
+	const uint64_t m = (uint64_t)ldexp(frexp(v, &binary), 53);
+	const int shift = 53 - binary, e = DOUBLE_ALL - 1 - exponent;
+	if (shift <= 0 || shift > 126 || e < 0 || e > MOST_POWER)
+		return false;
+	const wide product =
+	    (wide)m * (uint64_t)power[e > 11 ? 11 : e] * (uint64_t)power[e > 11 ? e - 11 : 0];
+	const wide half = (wide)1 << (shift - 1), rest = product & (((wide)1 << shift) - 1);
+	uint64_t q = (uint64_t)(product >> shift);
+	q += rest > half || (rest == half && (q & 1));
+	*d = (decimal){q, exponent};
+	if (q == 100000000000000000)
+		*d = (decimal){q / 10, exponent + 1};
+	return q >= 10000000000000000 && q <= 100000000000000000;
+}
+
+/* Digits enough for v > 0. False: the C library has to find them. */
+static bool find_digits(bool is_double, double v, decimal *d, int *n)
+{
+	const int exponent = exponent_of(v), all = is_double ? DOUBLE_ALL : FLOAT_ALL;
+	if (exponent < LEAST_EXPONENT || exponent >= all - 1)
+		return false;
+	for (*n = is_double ? DOUBLE_FEW : FLOAT_FEW; *n < all; *n += is_double ? 2 : 1) {
+		*d = round_to(v, exponent, *n);
+		if (brings_back(is_double, *d, *n, v))
+			return true;
+	}
+	if (is_double)
+		return all_of_double(v, exponent, d);
+	*d = round_to(v, exponent, *n);
+	return true;
+}
+
+char *wh_print_real(char *to, bool is_double, double v)
+{
+	decimal d;
+	int n;
+	if (!is_double)
+		v = wh_round_float(v);
+	if (v == 0 && !signbit(v)) {
+		*to++ = '0';
+		return to;
+	}
+	const double size = fabs(v);
+	if (!(size > 0) || !isfinite(v) || !find_digits(is_double, size, &d, &n))
+		return to +
+		       snprintf(to, WH_NUMBER_TEXT, "%.*g", is_double ? DOUBLE_ALL : FLOAT_ALL, v);
+	if (v < 0)
+		*to++ = '-';
+	return put_decimal(to, d, n);
 }

@@ -1,5 +1,5 @@
 /*
- * number: decimal numbers in text, correctly rounded, whatever the locale.
+ * number: decimal numbers in text, read and written, correctly rounded, whatever the locale.
  *
  * The text must have a readable byte behind its last word that ends it (a blank or line end);
  * then no call needs to know where the text ends. Thread-safe.
@@ -51,5 +51,18 @@ static inline const char *wh_scan_whole(const char *s, uint64_t *v)
 	*v = minus ? 0 - n : n;
 	return s > first && wh_is_blank(*s) && !(minus && n > INT64_MAX) ? s : (const char *)0;
 }
+
+/* Room for either of the following. */
+enum { WH_NUMBER_TEXT = 32 };
+
+/*
+ * Writes a real: a float (v is rounded to one) or a double. The digits are those of "%.9g" or
+ * "%.17g", or fewer where six to eight, or fifteen, bring the same number back. Returns the byte
+ * behind them; no NUL.
+ */
+char *wh_print_real(char *to, bool is_double, double v);
+
+/* The same for a whole number. */
+char *wh_print_whole(char *to, uint64_t v);
 
 #endif

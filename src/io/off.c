@@ -92,21 +92,56 @@ static wh_code check_count(wh_ctx *c, const header *h, const char *what, uint64_
 	               h->p->path, n, what, room);
 }
 
-static wh_code add_vertex_properties(wh_ctx *c, wh_ply *p, const header *h)
+/* Words on the line of the first vertex. */
+static int first_line(header *h)
 {
-	static const char *const names[] = {"x",   "y",     "z",    "nx",    "ny", "nz",
-	                                    "red", "green", "blue", "alpha", "s",  "t"};
-	for (int i = 0; i < 12; i++) {
-		const bool there = i < 3 || (h->binary && ((i < 6 && h->normals) ||
-		                                           (i >= 6 && i < 10 && h->colours) ||
-		                                           (i >= 10 && h->texture)));
-		if (there && wh_ply_add_property(c, p, names[i], WH_F32, false) != WH_OK)
-			return c->err.code;
+	const size_t body = h->at;
+	int n = 0;
+	for (const char *s = next_word(h); s; n++) {
+		const char *end = h->text + h->at;
+		s = next_word(h);
+		if (s && memchr(end, h->p->eol, (size_t)(s - end)))
+			s = NULL;
 	}
+	h->at = body;
+	return n;
+}
+
+/* Numbers of each kind behind a position; `words` are on its line. */
+static void count_parts(const header *h, int words, int *normals, int *colours, int *texture)
+{
+	int left = words - 3;
+	*normals = h->normals && left >= 3 ? 3 : 0;
+	left -= *normals;
+	*texture = h->texture && left >= 2 ? 2 : 0;
+	left -= *texture;
+	*colours = h->colours && left >= 3 ? (left > 3 ? 4 : 3) : 0;
+}
+
+static wh_code add_properties(wh_ctx *c, wh_ply *p, const char *const *names, int n)
+{
+	for (int i = 0; i < n; i++)
+		if (wh_ply_add_property(c, p, names[i], WH_F32, false) != WH_OK)
+			return c->err.code;
 	return WH_OK;
 }
 
-static wh_code describe(wh_ctx *c, wh_ply *p, const header *h, uint64_t nv, uint64_t nf)
+static wh_code add_vertex_properties(wh_ctx *c, wh_ply *p, header *h)
+{
+	static const char *const position[] = {"x", "y", "z"}, *const normal[] = {"nx", "ny", "nz"},
+	                         *const colour[] = {"red", "green", "blue", "alpha"},
+	                         *const texture[] = {"s", "t"};
+	enum { ALL = 12 };
+	int n, k, t;
+	count_parts(h, h->binary ? ALL : first_line(h), &n, &k, &t);
+	if (add_properties(c, p, position, 3) != WH_OK ||
+	    add_properties(c, p, normal, n) != WH_OK || add_properties(c, p, colour, k) != WH_OK ||
+	    add_properties(c, p, texture, t) != WH_OK)
+		return c->err.code;
+	return WH_OK;
+}
+
+static wh_code describe(wh_ctx *c, wh_ply *p, header *h, uint64_t nv, uint64_t nf)
 {
 	if (wh_ply_add_element(c, p, "vertex", nv) != WH_OK ||
 	    add_vertex_properties(c, p, h) != WH_OK ||
@@ -115,11 +150,6 @@ static wh_code describe(wh_ctx *c, wh_ply *p, const header *h, uint64_t nv, uint
 		return c->err.code;
 	if (h->binary)
 		(void)wh_ply_add_property(c, p, "colour", WH_F32, true);
-	else if ((h->normals && wh_ply_add_element(c, p, "normals", nv) != WH_OK) ||
-	         (h->colours && wh_ply_add_element(c, p, "colours", nv) != WH_OK))
-		return c->err.code;
-	else if (h->texture)
-		(void)wh_ply_add_element(c, p, "texture coordinates", nv);
 	if (h->binary) /* a count of colours is an integer, as it is of corners */
 		p->elems[1].props[p->elems[1].nprops - 1].count_type = WH_I32;
 	wh_ply_find_meaning(p);

@@ -1,8 +1,9 @@
 /*
  * off: the header of OFF files (Geomview), text and binary, described in PLY's words.
  *
- * Kinds with texture coordinates (ST), colours (C) and normals (N) are known; of a text, what
- * follows the position of a vertex or the corners of a face on its line is passed over.
+ * Kinds with normals (N), colours (C) and texture coordinates (ST) are known; behind the position
+ * of a vertex they stand in that order, colours as three or four numbers. How many there really
+ * are, the line of the first vertex tells. What else is on a line of a text is passed over.
  */
 #ifndef WH_IO_OFF_H
 #define WH_IO_OFF_H

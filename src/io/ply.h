@@ -178,7 +178,8 @@ typedef struct wh_ply_style {
 	bool ascii;                             /* text instead of binary little endian */
 	bool is_double;                         /* positions as double instead of float */
 	wh_format format;                       /* of mesh_write; WH_FORMAT_ANY is PLY */
-	const struct wh_attributes *attributes; /* written beside positions, in PLY; NULL: none */
+	bool quantize;                          /* GLB: positions of 16 bits, the rest of 8 */
+	const struct wh_attributes *attributes; /* written beside positions; NULL: none */
 } wh_ply_style;
 
 struct wh_outfile;

@@ -4,8 +4,8 @@
  * equal files.
  */
 #include "base/bytes.h"
-#include "base/real.h"
 #include "io/attributes.h"
+#include "io/number.h"
 #include "io/outfile.h"
 
 #include <inttypes.h>
@@ -68,7 +68,7 @@ static wh_code write_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)
 	axes_in_order(a, axis);
 	for (int k = 0; k < 4; k++) {
 		for (; next < attributes_before(a, axis[k]); next++)
-			if (write_property(c, o, type_name(a->item[next].type),
+			if (write_property(c, o, type_name(a->item[next].out),
 			                   a->item[next].name) != WH_OK)
 				return c->err.code;
 		if (axis[k] < 3 && write_property(c, o, style.is_double ? "double" : "float",
@@ -134,13 +134,11 @@ static size_t put_vertices(unsigned char *to, wh_ply_style style, const double *
 	return 12 * n;
 }
 
-/* 9 and 17 digits bring every float and double back exactly. */
 static size_t put_vertices_text(char *to, wh_ply_style style, const double *xyz, size_t n)
 {
 	char *const start = to;
 	for (size_t i = 0; i < 3 * n; i++) {
-		const double v = style.is_double ? xyz[i] : wh_round_float(xyz[i]);
-		to += snprintf(to, 32, "%.*g", style.is_double ? 17 : 9, v);
+		to = wh_print_real(to, style.is_double, xyz[i]);
 		*to++ = i % 3 == 2 ? '\n' : ' ';
 	}
 	return (size_t)(to - start);
@@ -168,10 +166,9 @@ wh_code wh_ply_write_vertices(wh_ctx *c, wh_outfile *o, wh_ply_style style, cons
 static unsigned char *put_coordinate(unsigned char *to, wh_ply_style style, double v)
 {
 	if (style.ascii) {
-		to += snprintf((char *)to, 32, "%.*g", style.is_double ? 17 : 9,
-		               style.is_double ? v : wh_round_float(v));
-		*to++ = ' ';
-		return to;
+		char *end = wh_print_real((char *)to, style.is_double, v);
+		*end++ = ' ';
+		return (unsigned char *)end;
 	}
 	if (style.is_double)
 		store_double(to, v);
@@ -242,19 +239,6 @@ static size_t put_triangles(unsigned char *to, const uint32_t *ids, size_t n)
 	return TRIANGLE * n;
 }
 
-static char *put_number(char *to, uint32_t v)
-{
-	char digits[10];
-	int n = 0;
-	do {
-		digits[n++] = (char)('0' + v % 10);
-		v /= 10;
-	} while (v);
-	while (n > 0)
-		*to++ = digits[--n];
-	return to;
-}
-
 static size_t put_triangles_text(char *to, const uint32_t *ids, size_t n)
 {
 	char *const start = to;
@@ -262,7 +246,7 @@ static size_t put_triangles_text(char *to, const uint32_t *ids, size_t n)
 		*to++ = '3';
 		for (int k = 0; k < 3; k++) {
 			*to++ = ' ';
-			to = put_number(to, ids[3 * i + (size_t)k]);
+			to = wh_print_whole(to, ids[3 * i + (size_t)k]);
 		}
 		*to++ = '\n';
 	}

@@ -66,10 +66,10 @@ static wh_code probe(wh_ctx *c, const wh_source *s)
 	return code;
 }
 
-/* A coordinate was met that needs a double, and there were none: then another try is due. */
-static bool try_wider(wh_rewrite *w)
+/* A value was met that tells another form than was believed: then another try is due. */
+static bool try_again(wh_rewrite *w)
 {
-	if (!w->wider || w->source.is_double)
+	if (!wh_rewrite_is_due(w))
 		return false;
 	wh_rewrite_restart(w);
 	return true;
@@ -78,11 +78,11 @@ static bool try_wider(wh_rewrite *w)
 static wh_code rewrite_text(wh_ctx *c, wh_rewrite *w)
 {
 	wh_code code = wh_rewrite_lines(c, w);
-	if (code == WH_E_IRREGULAR && try_wider(w))
+	while (code == WH_E_IRREGULAR && try_again(w))
 		code = wh_rewrite_lines(c, w);
 	if (code == WH_E_IRREGULAR)
 		code = wh_rewrite_words(c, w);
-	if (code == WH_E_IRREGULAR && try_wider(w))
+	while (code == WH_E_IRREGULAR && try_again(w))
 		code = wh_rewrite_words(c, w);
 	return code;
 }
@@ -92,13 +92,15 @@ static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w, const wh_input *in)
 	wh_code code;
 	switch (in->ply.kind) {
 	case WH_FORMAT_OBJ:
-		code = wh_obj_rewrite(c, w, &in->obj);
-		return code == WH_E_IRREGULAR && try_wider(w) ? wh_obj_rewrite(c, w, &in->obj)
-		                                              : code;
+		do
+			code = wh_obj_rewrite(c, w, &in->obj);
+		while (code == WH_E_IRREGULAR && try_again(w));
+		return code;
 	case WH_FORMAT_STL:
-		code = wh_stl_rewrite(c, w, &in->stl);
-		return code == WH_E_IRREGULAR && try_wider(w) ? wh_stl_rewrite(c, w, &in->stl)
-		                                              : code;
+		do
+			code = wh_stl_rewrite(c, w, &in->stl);
+		while (code == WH_E_IRREGULAR && try_again(w));
+		return code;
 	default:
 		return in->ply.format == WH_PLY_ASCII ? rewrite_text(c, w)
 		                                      : wh_rewrite_binary(c, w);
@@ -235,25 +237,19 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       wh_format from, bool force_rewrite, wh_input *in)
 {
-	return wh_input_open_with(c, ex, spill, path, from, force_rewrite, "none", in);
-}
-
-/* Other formats' properties are named, and left. */
-static wh_code choose(wh_ctx *c, const char *attributes, wh_input *in)
-{
-	return wh_attributes_choose(
-	    c, &in->ply, in->ply.kind == WH_FORMAT_PLY ? attributes : "none", &in->attributes);
+	return wh_input_open_with(c, ex, spill, path, from, force_rewrite, (wh_wanted){"none", 0},
+	                          in);
 }
 
 wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, const char *attributes, wh_input *in)
+                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = choose(c, attributes, in);
+		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
 	if (code == WH_OK)
 		code = make_source(c, ex, spill, force_rewrite, in);
 	if (code != WH_OK)
@@ -285,28 +281,31 @@ static bool has_faces(const wh_ply *p)
 static wh_code open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
 {
 	const wh_ply *p = &in->ply;
-	if (count_of(p, p->vertex) == 0)
-		return wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", p->path);
-	if (p->kind == WH_FORMAT_PLY && points_in_place(p, &in->source))
+	if (p->kind == WH_FORMAT_PLY && points_in_place(p, &in->source)) {
+		in->source.attributes = in->attributes.n ? &in->attributes : NULL;
 		return WH_OK;
+	}
 	const wh_code code = rewrite(c, ex, spill, in, false);
 	in->source.nf = 0;
 	return code;
 }
 
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                          wh_format from, bool force_rewrite, wh_input *in)
+                          wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
-	if (has_faces(&in->ply)) {
+	const bool faces = has_faces(&in->ply);
+	if (faces)
 		code = check_content(c, &in->ply);
-		if (code == WH_OK)
-			code = make_source(c, ex, spill, force_rewrite, in);
-	} else {
-		code = open_points(c, ex, spill, in);
-	}
+	else if (count_of(&in->ply, in->ply.vertex) == 0)
+		code = wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", in->ply.path);
+	if (code == WH_OK)
+		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
+	if (code == WH_OK)
+		code = faces ? make_source(c, ex, spill, force_rewrite, in)
+		             : open_points(c, ex, spill, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
@@ -346,14 +345,14 @@ static wh_code look(wh_ctx *c, wh_input *in)
 }
 
 wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, const char *attributes, wh_input *in)
+                      wh_format from, wh_wanted attributes, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = choose(c, attributes, in);
+		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
 	if (code == WH_OK)
 		code = look(c, in);
 	if (code != WH_OK)
@@ -591,7 +590,8 @@ static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const ch
                          bool *is_double, uint64_t *degenerate)
 {
 	wh_input in;
-	wh_code code = wh_input_open_with(c, ex, spill, path, from, force_rewrite, attributes, &in);
+	wh_code code = wh_input_open_with(c, ex, spill, path, from, force_rewrite,
+	                                  (wh_wanted){attributes, WH_HOLDS_ALL}, &in);
 	if (code != WH_OK)
 		return code;
 	code = wh_source_mesh(c, ex, &in.source, m);

@@ -40,6 +40,16 @@ static wh_code too_small(const wh_draw *d, const char *what, size_t need)
 
 /* ---- input ---------------------------------------------------------------------------------- */
 
+static wh_code check_colours(wh_ctx *c, const wh_input *in)
+{
+	if (in->attributes.has_rgb)
+		return WH_OK;
+	return wh_fail(c, WH_E_INPUT,
+	               "'%s' has no colours: its vertices lack red, green and blue; leave out "
+	               "--colours",
+	               in->ply.path);
+}
+
 static wh_code open_file(wh_draw *d, int i)
 {
 	wh_ctx *c = d->c;
@@ -48,15 +58,14 @@ static wh_code open_file(wh_draw *d, int i)
 	wh_exec ex = *d->ex;
 	if ((size_t)ex.workers > budget(d) / REWRITE_BYTES)
 		ex.workers = budget(d) < REWRITE_BYTES ? 1 : (int)(budget(d) / REWRITE_BYTES);
-	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, &f->input) !=
-	    WH_OK)
+	const wh_wanted wanted = {"all", d->p->colours ? WH_HOLDS_COLOUR : 0};
+	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, wanted,
+	                      &f->input) != WH_OK)
 		return c->err.code;
 	f->open = true;
 	d->r->faces += f->input.source.nf;
 	d->r->vertices += f->input.source.nv;
-	if (d->p->colours)
-		return wh_draw_find_colours(c, f);
-	return WH_OK;
+	return d->p->colours ? check_colours(c, &f->input) : WH_OK;
 }
 
 /* A name mistyped is to be told before the work. */
@@ -65,8 +74,8 @@ static wh_code try_other(wh_draw *d)
 	wh_input in;
 	if (!d->p->distance_to)
 		return WH_OK;
-	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, "none", &in) !=
-	    WH_OK)
+	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY,
+	                  (wh_wanted){"none", 0}, &in) != WH_OK)
 		return d->c->err.code;
 	wh_input_close(d->c, &d->spill, &in);
 	return WH_OK;
@@ -267,7 +276,6 @@ static wh_code draw_cell(wh_draw *d, wh_draw_cell *cell)
 	uint32_t rows = 1;
 	cell->faces = src->nf;
 	cell->points = src->nv;
-	s.colours = s.look.colours ? &f->colours : NULL;
 	if (share_memory(d, &ex, &s, &rows) != WH_OK)
 		return d->c->err.code;
 	wh_code code = wh_scene_open(d->c, &scene, &ex, &d->spill, &d->progress, &s);

@@ -14,7 +14,6 @@ typedef struct wh_draw_file {
 	wh_input input;
 	bool open;
 	bool rewrite; /* its body cannot be used in place */
-	wh_colours colours;
 } wh_draw_file;
 
 typedef struct wh_draw_cell {
@@ -41,10 +40,6 @@ typedef struct wh_draw {
 	uint32_t label;     /* pixels below a cell */
 	uint32_t legend;    /* pixels below all of them */
 } wh_draw;
-
-/* Where the colours of a file's vertices are. WH_E_INPUT where it has none, or none that can be
- * read. */
-wh_code wh_draw_find_colours(wh_ctx *c, wh_draw_file *f);
 
 /* Columns, lines, and the size of the sheet, from the parameters alone. */
 void wh_draw_lay_out(wh_draw *d);

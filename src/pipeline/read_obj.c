@@ -38,8 +38,11 @@ enum { COLOURED = 6 }; /* numbers of a vertex with a colour */
 typedef struct reader {
 	wh_lines_part part;
 	uint64_t count[TAGS];
+	wh_told told;
 	double *xyz;
 	size_t xyz_cap;
+	uint8_t *records; /* attributes */
+	size_t records_cap;
 	uint64_t *ids;
 	size_t ids_cap;
 } reader;
@@ -50,6 +53,7 @@ typedef struct job {
 	uint64_t *first;
 	uint8_t *coloured; /* per chunk: its first vertex has a colour */
 	wh_rewrite *rw;
+	const wh_attribute *colour[3]; /* those that are carried */
 	reader *readers;
 } job;
 
@@ -72,6 +76,7 @@ static void free_readers(wh_ctx *c, job *j, int workers)
 	for (int i = 0; j->readers && i < workers; i++) {
 		wh_lines_free(c, &j->readers[i].part);
 		wh_free(c, j->readers[i].xyz);
+		wh_free(c, j->readers[i].records);
 		wh_free(c, j->readers[i].ids);
 	}
 	wh_free(c, j->readers);
@@ -199,17 +204,41 @@ static wh_code bad_number(wh_ctx *c, const job *j, const reader *r, const char *
 	           : bad(c, j, r, s, "'%.*s' is not a number", n > 40 ? 40 : (int)n, s);
 }
 
-static wh_code vertex_line(wh_ctx *c, const job *j, reader *r, const char *s, double *xyz,
-                           bool *wide)
+/* The colour behind a position; a vertex without one, or with a weight in its place, is white. */
+static wh_code take_colour(wh_ctx *c, const job *j, reader *r, const char *s, uint8_t *record)
 {
-	s++;
+	if (count_words(j->lines, s - 1, COLOURED - 3) < COLOURED - 3) {
+		for (int k = 0; k < 3; k++)
+			if (j->colour[k])
+				wh_rewrite_untold(j->colour[k], record);
+		return WH_OK;
+	}
 	for (int k = 0; k < 3; k++) {
 		const char *word = wh_lines_word(j->lines, s);
-		s = *word == j->lines->eol ? NULL : wh_scan_decimal(word, &xyz[k], wide);
+		s = j->colour[k] ? wh_rewrite_scan(j->rw, j->colour[k], word, record, &r->told)
+		                 : wh_word_end(word);
 		if (!s)
 			return bad_number(c, j, r, word);
 	}
 	return WH_OK;
+}
+
+static wh_code vertex_line(wh_ctx *c, const job *j, reader *r, const char *s, size_t at)
+{
+	const size_t size = wh_rewrite_record(j->rw);
+	if (wh_reserve(c, &r->xyz, &r->xyz_cap, 3 * at + 3, sizeof *r->xyz) != WH_OK ||
+	    wh_reserve(c, &r->records, &r->records_cap, (at + 1) * size, 1) != WH_OK)
+		return c->err.code;
+	s++;
+	for (size_t k = 0; k < 3; k++) {
+		const char *word = wh_lines_word(j->lines, s);
+		s = *word == j->lines->eol
+		        ? NULL
+		        : wh_scan_decimal(word, &r->xyz[3 * at + k], &r->told.wide);
+		if (!s)
+			return bad_number(c, j, r, word);
+	}
+	return size ? take_colour(c, j, r, s, r->records + at * size) : WH_OK;
 }
 
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -217,7 +246,6 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const job *j = arg;
 	reader *r = &j->readers[worker];
 	size_t n = 0;
-	bool wide = false;
 	if (j->first[index + 1] == j->first[index])
 		return WH_OK;
 	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
@@ -225,16 +253,15 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
 		if (*s != 'v' || !wh_is_blank(s[1]))
 			continue;
-		if (wh_reserve(c, &r->xyz, &r->xyz_cap, 3 * n + 3, sizeof *r->xyz) != WH_OK ||
-		    vertex_line(c, j, r, s, r->xyz + 3 * n, &wide) != WH_OK)
+		if (vertex_line(c, j, r, s, n) != WH_OK)
 			return c->err.code;
 		n++;
 	}
-	if (wide && !j->rw->source.is_double) {
-		wh_rewrite_widen(j->rw);
+	if (wh_rewrite_heed(j->rw, r->told))
 		return WH_E_IRREGULAR;
-	}
-	return wh_rewrite_put_vertices(c, j->rw, j->first[index], r->xyz, n);
+	if (wh_rewrite_put_vertices(c, j->rw, j->first[index], r->xyz, n) != WH_OK)
+		return c->err.code;
+	return wh_rewrite_put_attributes(c, j->rw, j->first[index], r->records, n);
 }
 
 /* --- faces --- */
@@ -309,6 +336,8 @@ wh_code wh_obj_rewrite(wh_ctx *c, wh_rewrite *rw, const wh_obj *o)
 {
 	const int64_t n = o->lines.chunks;
 	job j = {.obj = o, .lines = &o->lines, .first = o->first, .rw = rw};
+	for (int k = 0; k < 3; k++)
+		j.colour[k] = wh_attributes_find(rw->attributes, 3 + k);
 	wh_code code = make_readers(c, &j, rw->ex->workers);
 	if (code == WH_OK)
 		code = wh_exec_for(c, rw->ex, n, vertices_job, &j);

@@ -190,10 +190,8 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;)
 		if (corner_line(c, j, r, s, first, &n, &wide) != WH_OK)
 			return c->err.code;
-	if (wide && !j->rw->source.is_double) {
-		wh_rewrite_widen(j->rw);
+	if (wh_rewrite_heed(j->rw, (wh_told){.wide = wide}))
 		return WH_E_IRREGULAR;
-	}
 	return put_corners(c, j, first, r->xyz, n);
 }
 

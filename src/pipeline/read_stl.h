@@ -20,8 +20,7 @@ typedef struct wh_stl {
 wh_code wh_stl_look(wh_ctx *c, const wh_exec *ex, wh_ply *p, wh_stl *s);
 void wh_stl_free(wh_ctx *c, wh_stl *s);
 
-/* The body's vertices and triangles. WH_E_IRREGULAR with w->wider set: some coordinate needs a
- * double; restart with doubles. */
+/* The body's vertices and triangles. WH_E_IRREGULAR where wh_rewrite_is_due: restart. */
 wh_code wh_stl_rewrite(wh_ctx *c, wh_rewrite *w, const wh_stl *s);
 
 #endif

@@ -2,6 +2,7 @@
 
 #include "base/bytes.h"
 #include "base/real.h"
+#include "io/number.h"
 #include "io/ply_value.h"
 
 #include <inttypes.h>
@@ -14,6 +15,7 @@ void wh_rewrite_restart(wh_rewrite *w)
 	wh_source *s = &w->source;
 	*s = (wh_source){.path = w->ply->path, .nv = e->count, .vfd = w->fd};
 	s->is_double = w->wider;
+	w->white = w->bright ? 255 : 1;
 	for (int k = 0; k < 3; k++)
 		s->is_double = s->is_double || wh_type_is_wide(e->props[prop[k]].type);
 	const wh_type type = s->is_double ? WH_F64 : WH_F32;
@@ -46,9 +48,40 @@ wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *s
 	return WH_OK;
 }
 
-void wh_rewrite_widen(wh_rewrite *w)
+bool wh_rewrite_heed(wh_rewrite *w, wh_told told)
 {
-	w->wider = true;
+	if (told.wide)
+		w->wider = true;
+	if (told.bright)
+		w->bright = true;
+	return wh_rewrite_is_due(w);
+}
+
+bool wh_rewrite_is_due(const wh_rewrite *w)
+{
+	return (w->wider && !w->source.is_double) || (w->bright && w->white <= 1);
+}
+
+/* A mean of colours from 0 to 1 may come out above 1, but not by so much. */
+static const double BRIGHT = 2;
+
+const char *wh_rewrite_scan(const wh_rewrite *w, const wh_attribute *a, const char *s,
+                            uint8_t *record, wh_told *told)
+{
+	double v;
+	if (!w->ply->undeclared || a->kind != WH_KIND_COLOUR)
+		return wh_attribute_scan(a, s, record);
+	const char *end = wh_scan_real(s, &v);
+	if (!end)
+		return NULL;
+	told->bright = told->bright || v > BRIGHT;
+	wh_attribute_set(a, record, v / w->white);
+	return end;
+}
+
+void wh_rewrite_untold(const wh_attribute *a, uint8_t *record)
+{
+	wh_attribute_set(a, record, a->kind == WH_KIND_COLOUR ? wh_type_white(a->type) : 0);
 }
 
 void wh_rewrite_set_vertices(wh_rewrite *w, uint64_t nv)

@@ -25,7 +25,9 @@ typedef struct wh_rewrite {
 	wh_facer *facers;  /* one per worker */
 	uint64_t polygons; /* of the facers whose output was taken */
 	uint64_t degenerate;
-	_Atomic bool wider; /* coordinates whose type is not declared have to be doubles */
+	_Atomic bool wider;  /* coordinates whose type is not declared have to be doubles */
+	_Atomic bool bright; /* colours whose range is not declared go to 255 */
+	double white;        /* of such colours: 1 or 255 */
 } wh_rewrite;
 
 /* Makes the temporary file. The vertices will be in it, at its beginning. */
@@ -33,8 +35,24 @@ wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *s
                         const wh_ply *ply, const wh_attributes *attributes);
 /* Forgets what was written: for a second try in another way. */
 void wh_rewrite_restart(wh_rewrite *w);
-/* Some coordinate tells more than a float holds: the next try is with doubles. Thread-safe. */
-void wh_rewrite_widen(wh_rewrite *w);
+/* What the text of a format that declares nothing tells as it is read. */
+typedef struct wh_told {
+	bool wide;   /* a coordinate has more digits than a float holds */
+	bool bright; /* a colour is so far above 1 that colours go to 255 */
+} wh_told;
+
+/* Something that calls for another try was told; notes it. Thread-safe. */
+bool wh_rewrite_heed(wh_rewrite *w, wh_told told);
+/* What was noted is not what this try believes: restart. */
+bool wh_rewrite_is_due(const wh_rewrite *w);
+
+/* The word at s as an attribute, as wh_attribute_scan; of a text that declares nothing, colours
+ * from 0 to 1 or to 255. */
+const char *wh_rewrite_scan(const wh_rewrite *w, const wh_attribute *a, const char *s,
+                            uint8_t *record, wh_told *told);
+/* What a vertex of such a text has that tells no value: white, or 0. */
+void wh_rewrite_untold(const wh_attribute *a, uint8_t *record);
+
 /* There are so many vertices, other than the file's description says. Before any face is added. */
 void wh_rewrite_set_vertices(wh_rewrite *w, uint64_t nv);
 /* Frees all but the temporary file, which is closed only when keep is false. */
@@ -96,7 +114,7 @@ static inline int wh_corner_list(const wh_ply *p, int elem)
 
 /* The three ways. Each fills the source; WH_E_IRREGULAR, with nothing recorded, from
  * wh_rewrite_lines says that lines are not items: use wh_rewrite_words. From either kind of text it
- * says, where w->wider is set that was not, that doubles are needed: restart. */
+ * says so where wh_rewrite_is_due: restart. */
 wh_code wh_rewrite_binary(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *w);

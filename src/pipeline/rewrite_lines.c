@@ -61,8 +61,8 @@ typedef struct element {
 typedef struct scratch {
 	char *text;
 	size_t text_cap;
-	size_t n;  /* bytes of text */
-	bool wide; /* some coordinate needs a double */
+	size_t n; /* bytes of text */
+	wh_told told;
 	double *xyz;
 	size_t xyz_cap;
 	uint8_t *records; /* attributes */
@@ -230,6 +230,18 @@ static bool line_ends(const job *j, const char *s)
 	return j->lenient || *skip_blanks(s, j->eol) == j->eol;
 }
 
+/* The line may end before the value where the header does not declare it. */
+static const char *take_attribute(const job *j, const wh_attribute *a, const char *s,
+                                  uint8_t *record, wh_told *told)
+{
+	if (*s != j->eol)
+		return wh_rewrite_scan(j->rw, a, s, record, told);
+	if (!j->rw->ply->undeclared)
+		return NULL;
+	wh_rewrite_untold(a, record);
+	return s;
+}
+
 /* Parses a line of any element; takes coordinates into xyz[3], attributes into `record`, corners
  * into w->ids. False: not as expected. */
 static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
@@ -240,15 +252,15 @@ static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, 
 		const action a = e->actions[i];
 		uint64_t n;
 		if (a == SKIP) {
-			s = skip_words(s, 1, j->eol);
+			const char *end = skip_words(s, 1, j->eol);
+			s = !end && j->rw->ply->undeclared ? s : end;
 		} else if (a <= TAKE_Z) {
 			s = skip_blanks(s, j->eol);
 			s = *s == j->eol    ? NULL
-			    : j->undeclared ? wh_scan_decimal(s, &xyz[a - TAKE_X], &w->wide)
+			    : j->undeclared ? wh_scan_decimal(s, &xyz[a - TAKE_X], &w->told.wide)
 			                    : wh_scan_real(s, &xyz[a - TAKE_X]);
 		} else if (a == TAKE_ATTRIBUTE) {
-			s = skip_blanks(s, j->eol);
-			s = *s == j->eol ? NULL : wh_attribute_scan(next++, s, record);
+			s = take_attribute(j, next++, skip_blanks(s, j->eol), record, &w->told);
 		} else {
 			s = scan_count(s, j->eol, &n);
 			if (s && a == SKIP_LIST) {
@@ -416,10 +428,8 @@ static wh_code do_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	if (k.vertices == 0)
 		return WH_OK;
-	if (w->wide && !j->rw->source.is_double) {
-		wh_rewrite_widen(j->rw);
+	if (wh_rewrite_heed(j->rw, w->told))
 		return WH_E_IRREGULAR;
-	}
 	if (wh_rewrite_put_vertices(c, j->rw, k.first_vertex, w->xyz, k.vertices) != WH_OK)
 		return c->err.code;
 	return wh_rewrite_put_attributes(c, j->rw, k.first_vertex, w->records, k.vertices);

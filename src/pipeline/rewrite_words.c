@@ -29,7 +29,7 @@ typedef struct reader {
 	uint64_t item;
 	uint64_t *ids; /* corners of the face at hand */
 	size_t ids_cap;
-	bool wide;        /* some coordinate needs a double */
+	wh_told told;
 	size_t batch;     /* vertices written at a time */
 	double *xyz;      /* of these */
 	uint8_t *records; /* attributes of these */
@@ -101,6 +101,22 @@ static wh_code skip_line(wh_ctx *c, reader *r)
 	}
 }
 
+/* Is there no word left on the line? */
+static wh_code line_is_over(wh_ctx *c, reader *r, bool *over)
+{
+	const char eol = r->rw->ply->eol, comment = r->rw->ply->comment;
+	for (;;) {
+		while (r->at < r->n && wh_is_blank(r->text[r->at]) && r->text[r->at] != eol)
+			r->at++;
+		if (r->at < r->n || at_file_end(r))
+			break;
+		if (refill(c, r) != WH_OK)
+			return c->err.code;
+	}
+	*over = r->at == r->n || r->text[r->at] == eol || (comment && r->text[r->at] == comment);
+	return WH_OK;
+}
+
 /* Passes over blanks and comments, counting lines; the file must go on behind them. */
 static wh_code skip_blanks(wh_ctx *c, reader *r)
 {
@@ -165,7 +181,7 @@ static wh_code read_real(wh_ctx *c, reader *r, double *v)
 	if (!word)
 		return c->err.code;
 	const bool undeclared = r->rw->ply->undeclared && !r->rw->source.is_double;
-	return (undeclared ? wh_scan_decimal(word, v, &r->wide) : wh_scan_real(word, v))
+	return (undeclared ? wh_scan_decimal(word, v, &r->told.wide) : wh_scan_real(word, v))
 	           ? WH_OK
 	           : bad_word(c, r, word, "a number");
 }
@@ -201,9 +217,24 @@ static wh_code read_attribute(wh_ctx *c, reader *r, const wh_attribute *a, uint8
 	const char *word = next_word(c, r);
 	if (!word)
 		return c->err.code;
-	return wh_attribute_scan(a, word, record)
+	return wh_rewrite_scan(r->rw, a, word, record, &r->told)
 	           ? WH_OK
 	           : bad_word(c, r, word, "a number (--attributes leaves properties out)");
+}
+
+/* Behind the position a line may end where the header does not declare what is on it. `record` is
+ * NULL where nothing is kept. */
+static wh_code read_other(wh_ctx *c, reader *r, int i, uint8_t *record)
+{
+	const wh_attribute *a = record ? wh_attributes_find(r->rw->attributes, i) : NULL;
+	bool over = false;
+	if (r->rw->ply->undeclared && line_is_over(c, r, &over) != WH_OK)
+		return c->err.code;
+	if (over && a)
+		wh_rewrite_untold(a, record);
+	if (over)
+		return WH_OK;
+	return a ? read_attribute(c, r, a, record) : skip_property(c, r, &r->elem->props[i]);
 }
 
 /* Vertex k of the batch. */
@@ -214,10 +245,8 @@ static wh_code read_vertex(wh_ctx *c, reader *r, size_t k)
 	uint8_t *record = r->records + k * wh_rewrite_record(r->rw);
 	for (int i = 0; i < (int)r->elem->nprops; i++) {
 		const int axis = i == p->x ? 0 : i == p->y ? 1 : i == p->z ? 2 : -1;
-		const wh_attribute *a = axis >= 0 ? NULL : wh_attributes_find(r->rw->attributes, i);
-		const wh_code code = axis >= 0 ? read_real(c, r, &xyz[axis])
-		                     : a       ? read_attribute(c, r, a, record)
-		                               : skip_property(c, r, &r->elem->props[i]);
+		const wh_code code =
+		    axis >= 0 ? read_real(c, r, &xyz[axis]) : read_other(c, r, i, record);
 		if (code != WH_OK)
 			return code;
 	}
@@ -231,10 +260,8 @@ static wh_code read_vertices(wh_ctx *c, reader *r)
 		const size_t k = (size_t)(r->item - first);
 		if (read_vertex(c, r, k) != WH_OK)
 			return c->err.code;
-		if (r->wide) {
-			wh_rewrite_widen(r->rw);
+		if (wh_rewrite_heed(r->rw, r->told))
 			return WH_E_IRREGULAR;
-		}
 		if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
 			return c->err.code;
 		if (k + 1 < r->batch && r->item + 1 < r->elem->count)
@@ -323,12 +350,17 @@ static wh_code read_faces(wh_ctx *c, reader *r, int elem)
 
 static wh_code skip_element(wh_ctx *c, reader *r)
 {
+	enum { POSITION = 3 }; /* first on the line where nothing is declared */
 	if (r->elem->nprops == 0)
 		return WH_OK;
-	for (r->item = 0; r->item < r->elem->count; r->item++)
-		for (size_t i = 0; i < r->elem->nprops; i++)
-			if (skip_property(c, r, &r->elem->props[i]) != WH_OK)
+	for (r->item = 0; r->item < r->elem->count; r->item++) {
+		for (int i = 0; i < (int)r->elem->nprops; i++)
+			if ((i < POSITION ? skip_property(c, r, &r->elem->props[i])
+			                  : read_other(c, r, i, NULL)) != WH_OK)
 				return c->err.code;
+		if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
+			return c->err.code;
+	}
 	return WH_OK;
 }
 

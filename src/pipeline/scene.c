@@ -1,6 +1,6 @@
 #include "pipeline/scene.h"
 
-#include "io/ply_value.h"
+#include "io/attributes.h"
 
 #include <string.h>
 
@@ -10,6 +10,7 @@ enum { CHUNK = 8 * 1024 }; /* vertices or faces a job: their corners stay in a c
 typedef struct bench {
 	void *raw;
 	double *xyz;
+	uint8_t *records;   /* of colours */
 	uint64_t *ids;      /* corners of the faces at hand, ... */
 	wh_spot *spot;      /* ... and what is known of them */
 	wh_normal_sum *sum; /* with windows only */
@@ -66,25 +67,27 @@ static size_t raw_bytes(const wh_source *s)
 
 /* ---- vertices ------------------------------------------------------------------------------- */
 
-static uint32_t colour_channel(const wh_colours *k, int i, const unsigned char *vertex)
+/* The colour in a record, as the renderer has it. */
+static uint32_t colour_of(const wh_attributes *a, const uint8_t *record)
 {
-	const double v = wh_load_real(vertex + k->off[i], k->type[i], k->swap);
-	double most = 255;
-	if (k->type[i] == WH_U16)
-		most = 65535;
-	else if (k->type[i] == WH_F32 || k->type[i] == WH_F64)
-		most = 1;
-	return v > 0 ? v < most ? (uint32_t)(v / most * 255 + 0.5) : 255 : 0;
+	uint32_t rgb = 0;
+	for (int k = 0; k < 3; k++)
+		rgb = rgb << 8 |
+		      (uint32_t)(255 * wh_attribute_share(&a->item[a->rgb[k]], record) + 0.5);
+	return rgb;
 }
 
-static uint32_t colour_at(const wh_scene *s, const bench *b, size_t i)
+static wh_code take_colours(wh_ctx *c, const wh_scene *s, bench *b, uint64_t first, size_t n,
+                            wh_spot *spot)
 {
-	const wh_colours *k = s->p.colours;
-	if (!k)
-		return 0;
-	const unsigned char *vertex = (const unsigned char *)b->raw + i * s->p.source->vstride;
-	return colour_channel(k, 0, vertex) << 16 | colour_channel(k, 1, vertex) << 8 |
-	       colour_channel(k, 2, vertex);
+	const wh_attributes *a = s->p.source->attributes;
+	if (!s->p.look.colours)
+		return WH_OK;
+	if (wh_source_attributes(c, s->p.source, first, n, b->records, b->raw) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++)
+		spot[i].colour = colour_of(a, b->records + i * a->bytes);
+	return WH_OK;
 }
 
 /* Reads n vertices and finds their places. */
@@ -97,9 +100,9 @@ static wh_code project(wh_ctx *c, const wh_scene *s, bench *b, uint64_t first, s
 		const double *v = b->xyz + 3 * i;
 		const wh_pixel_point q =
 		    wh_camera_project(s->p.look.camera, wh_v3(v[0], v[1], v[2]));
-		spot[i] = (wh_spot){(float)q.x, (float)q.y, (float)q.depth, colour_at(s, b, i)};
+		spot[i] = (wh_spot){(float)q.x, (float)q.y, (float)q.depth, 0};
 	}
-	return WH_OK;
+	return take_colours(c, s, b, first, n, spot);
 }
 
 static wh_code project_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -358,12 +361,17 @@ wh_code wh_scene_draw(wh_ctx *c, wh_scene *s, const wh_canvas *canvas)
 
 /* ---- memory --------------------------------------------------------------------------------- */
 
+static size_t record_bytes(const wh_scene_params *p)
+{
+	return p->look.colours ? CHUNK * (size_t)p->source->attributes->bytes : 0;
+}
+
 static size_t bench_bytes(const wh_scene_params *p)
 {
 	const size_t sums = has_windows(p) ? sizeof(wh_normal_sum) : 0;
 	return sizeof(bench) + raw_bytes(p->source) +
 	       (size_t)CHUNK * 3 * (sizeof(double) + sizeof(uint64_t) + sizeof(wh_spot) + sums) +
-	       512;
+	       record_bytes(p) + 512;
 }
 
 size_t wh_scene_bytes(const wh_scene_params *p, const wh_exec *ex)
@@ -383,6 +391,7 @@ static wh_code open_benches(wh_ctx *c, wh_scene *s)
 		bench *b = &s->bench[i];
 		b->raw = wh_alloc(c, raw_bytes(s->p.source), 1);
 		b->xyz = wh_alloc(c, CHUNK, 3 * sizeof *b->xyz);
+		b->records = wh_alloc(c, record_bytes(&s->p), 1);
 		b->ids = wh_alloc(c, CHUNK, 3 * sizeof *b->ids);
 		b->spot = wh_alloc(c, CHUNK, 3 * sizeof *b->spot);
 		b->sum = s->windowed ? wh_alloc(c, CHUNK, 3 * sizeof *b->sum) : NULL;
@@ -431,6 +440,7 @@ void wh_scene_close(wh_ctx *c, wh_scene **scene)
 	for (int i = 0; s->bench && i < s->ex->workers; i++) {
 		wh_free(c, s->bench[i].raw);
 		wh_free(c, s->bench[i].xyz);
+		wh_free(c, s->bench[i].records);
 		wh_free(c, s->bench[i].ids);
 		wh_free(c, s->bench[i].spot);
 		wh_free(c, s->bench[i].sum);

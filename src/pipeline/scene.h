@@ -19,18 +19,10 @@
 #include "io/spill.h"
 #include "pipeline/progress.h"
 
-/* Where the colours of vertices are, inside of theirs bytes in the file. */
-typedef struct wh_colours {
-	uint32_t off[3];
-	wh_type type[3];
-	bool swap;
-} wh_colours;
-
 typedef struct wh_scene_params {
-	const wh_source *source;   /* without faces: a cloud of points */
-	const wh_colours *colours; /* NULL: none */
-	wh_look look;              /* its camera is fitted */
-	uint64_t window;           /* vertices in memory at a time; 0: all */
+	const wh_source *source; /* without faces: a cloud of points */
+	wh_look look;    /* its camera is fitted; colours: those of the source's attributes */
+	uint64_t window; /* vertices in memory at a time; 0: all */
 } wh_scene_params;
 
 typedef struct wh_scene wh_scene;

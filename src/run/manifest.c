@@ -89,6 +89,7 @@ static const field choice_fields[] = {
     ROW(wh_choices, FLAG, lock_boundary),
     ROW(wh_choices, FLAG, simplify_topology),
     ROW(wh_choices, FLAG, ascii),
+    ROW(wh_choices, FLAG, quantize),
     ROW(wh_choices, FLAG, seams),
     ROW(wh_choices, NUMBER, from),
     ROW(wh_choices, NUMBER, to),

@@ -39,7 +39,7 @@
 typedef struct wh_choices {
 	uint64_t faces, vertices, cluster_faces, micro_faces, final_faces;
 	double face_ratio, vertex_ratio, error, error_share;
-	bool ascii, seams, simplify_topology, fast, lock_boundary;
+	bool ascii, quantize, seams, simplify_topology, fast, lock_boundary;
 	uint64_t from, to, packing;             /* formats, as numbers */
 	uint64_t attributes_hash, weights_hash; /* of what was asked for; 0: nothing */
 	uint64_t cost, face_weight, placement, own_hash;

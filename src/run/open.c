@@ -122,8 +122,10 @@ void wh_run_list_dropped(wh_run *r)
 			if (vertex ? !is_kept(r, k) : k != p->corners)
 				note_property(r->report, e->props[k].name, face);
 	}
-	if (r->input.source.is_double && !r->params->ascii &&
-	    (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
+	if (r->params->quantize)
+		note_dropped(r->report, "bits of positions beyond 16");
+	else if (r->input.source.is_double && !r->params->ascii &&
+	         (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
 		note_dropped(r->report, "double precision");
 	for (int kind = 0; kind < WH_KINDS; kind++)
 		note_carried(r->report, &r->input.attributes, (wh_kind)kind);

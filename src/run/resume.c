@@ -148,6 +148,7 @@ static wh_choices choices_of(const wh_run *r)
 	                    .error = p->error,
 	                    .error_share = p->error_share,
 	                    .ascii = p->ascii,
+	                    .quantize = p->quantize,
 	                    .seams = p->seams != NULL,
 	                    .simplify_topology = p->simplify_topology,
 	                    .fast = p->fast,

@@ -2,6 +2,7 @@
 #include "run/run.h"
 
 #include "base/timer.h"
+#include "io/mesh_write.h"
 
 #include <math.h>
 
@@ -132,9 +133,9 @@ uint64_t wh_run_vertices(const wh_run *r)
 	       (uint64_t)r->work.vertices;
 }
 
-const char *wh_run_attributes(const wh_run *r)
+wh_wanted wh_run_attributes(const wh_run *r)
 {
-	return r->to == WH_FORMAT_PLY || r->to == WH_FORMAT_ANY ? r->params->attributes : "none";
+	return (wh_wanted){r->params->attributes, wh_mesh_holds(r->to)};
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
@@ -142,6 +143,7 @@ wh_ply_style wh_run_style(const wh_run *r)
 	return (wh_ply_style){.ascii = r->params->ascii,
 	                      .is_double = r->input.source.is_double,
 	                      .format = r->to,
+	                      .quantize = r->params->quantize,
 	                      .attributes = r->input.source.attributes};
 }
 

@@ -75,6 +75,53 @@ assert [max(p[k::3]) for k in range(3)] == as_float(pos["max"])
 END
 done
 
+# colours and normals in GLB: proportional to light, and unit vectors; quantized, half as large
+expect 0 "$WHITTLE" generate -q -o coloured.ply --faces 4000 --colours --normals
+expect 0 "$WHITTLE" reduce -q coloured.ply -o text.ply --ascii --faces 1G
+expect 2 "$WHITTLE" reduce -q coloured.ply -o quantized.obj --faces 1000 --quantize
+for how in plain quantized; do
+	[ $how = plain ] && more=() || more=(--quantize)
+	expect 0 "$WHITTLE" reduce -q coloured.ply -o $how.glb --faces 1G "${more[@]}"
+	command -v python3 >/dev/null || continue
+	expect 0 python3 - $how.glb text.ply <<'END'
+import json, struct, sys
+b = open(sys.argv[1], "rb").read()
+n = struct.unpack("<I", b[12:16])[0]
+j, body = json.loads(b[20:20 + n]), b[28 + n:]
+small = "extensionsRequired" in j
+kinds = {5120: "b", 5121: "B", 5123: "H", 5125: "I", 5126: "f"}
+def read(k):
+    a = j["accessors"][k]
+    v = j["bufferViews"][a["bufferView"]]
+    f = "<%d%s" % ({"VEC3": 3, "VEC4": 4, "SCALAR": 1}[a["type"]], kinds[a["componentType"]])
+    stride = v.get("byteStride", struct.calcsize(f))
+    assert stride % 4 == 0 or a["type"] == "SCALAR"
+    at = v.get("byteOffset", 0) + a.get("byteOffset", 0)
+    return [struct.unpack_from(f, body, at + i * stride) for i in range(a["count"])]
+def as_float(v): return [struct.unpack("f", struct.pack("f", x))[0] for x in v]
+def light(c): return c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+prim = j["meshes"][0]["primitives"][0]
+at = {k: read(v) for k, v in prim["attributes"].items()}
+pos = at["POSITION"]
+lines = open(sys.argv[2]).read().split("end_header\n")[1].split("\n")
+node = j["nodes"][0]
+s, t = node.get("scale", [1, 1, 1]), node.get("translation", [0, 0, 0])
+for i, p in enumerate(pos):
+    w = as_float([float(x) for x in lines[i].split()])
+    n, c = at["NORMAL"][i], at["COLOR_0"][i]
+    most = 255 if small else 65535
+    assert all(abs(p[k] * s[k] + t[k] - w[k]) <= small * s[0] / 2 + 1e-9 for k in range(3))
+    assert all(abs(n[k] / (127 if small else 1) - w[3 + k]) < (0.005 if small else 1e-6) for k in range(3))
+    assert all(abs(c[k] - most * light(w[6 + k] / 255)) <= 0.51 for k in range(3)) and c[3] == most
+a = j["accessors"][0]
+assert [min(p[k] for p in pos) for k in range(3)] == as_float(a["min"])
+assert [max(p[k] for p in pos) for k in range(3)] == as_float(a["max"])
+ids = [x[0] for x in read(prim["indices"])]
+assert ids == [int(x) for l in lines[len(pos):] if l for x in l.split()[1:]]
+END
+done
+[ $((7 * $(stat -c %s quantized.glb) / 4)) -lt "$(stat -c %s plain.glb)" ] || fail "quantized is not small"
+
 # a target no smaller than the input copies it, but only into its own format
 expect 0 "$WHITTLE" reduce -q small.obj -o same.obj --faces 100%
 cmp -s small.obj same.obj || fail "an OBJ was not copied"
@@ -84,7 +131,8 @@ counts same.off "$vertices" 4000
 # what is not carried over is named
 printf 'mtllib a\nv 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvn 0 0 1\nf 1//1 2//1 4 3\n' >named.obj
 expect 0 "$WHITTLE" reduce named.obj -o named.ply --faces 1
-grep -q 'not carried over.*red, green, blue, normals, materials' out || fail "not named: $(cat out)"
+grep -q 'not carried over: normals, materials' out || fail "not named: $(cat out)"
+grep -q '^carried over: red, green, blue' out || fail "colours of OBJ: $(cat out)"
 
 # --from and --to over names and contents
 cp small.off strange.obj
