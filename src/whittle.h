@@ -88,6 +88,8 @@ typedef struct wh_reduce_params {
 	uint32_t parts; /* of PLAN: how many there are to be; else 0 or the same number */
 	uint32_t part;  /* of INGEST and DECIMATE, from 0 */
 	uint32_t round; /* of DECIMATE, from 1 */
+	bool any_parts; /* of PLAN: of a run that there is, whatever its number of parts was; of JOIN:
+	                   parts that are missing are to be done next */
 	/* Told in a sentence what a resumed run goes on from. May be NULL. */
 	void (*notice)(void *user, const char *text);
 	void *notice_user;
@@ -182,6 +184,8 @@ typedef struct wh_reduce_report {
 	wh_phase_report phase[WH_PHASES];
 	double seconds_total;
 	uint64_t resumed; /* times; seconds and bytes are those of all processes together */
+	int ranks,
+	    rank; /* of wh_reduce_mpi: processes, and which one this is; phases are its own */
 } wh_reduce_report;
 
 /* What a reduction would take, from the input's header and the parameters alone. */
@@ -216,6 +220,22 @@ wh_reduce_params wh_reduce_defaults(void);
  * report->paused. One that comes too early fails with WH_E_RUN, and tells what is missing.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
+
+/* How many processes a launcher (mpirun, srun) has started of this program, by the environment; 1:
+ * none has. */
+int wh_mpi_processes(void);
+bool wh_mpi_is_built_in(void);
+
+/*
+ * wh_reduce by all processes of an MPI job, each of which calls it, once in its life: they share
+ * the run in params->run_dir, OUTPUT.run where it is NULL, which all must see. The memory and the
+ * threads are those of a process; by default the machine's are divided. The result is that of
+ * wh_reduce. The first process tells the progress and has the whole report. WH_E_USAGE where MPI is
+ * not built in. After a failure, once it is told, wh_reduce_mpi_abort must be called: it ends all
+ * processes with that exit status; what was done can be resumed, by any number of them.
+ */
+wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
+void wh_reduce_mpi_abort(int status);
 
 /*
  * Predicts what wh_reduce would do with these parameters (no output is needed). WH_OK, or

@@ -62,13 +62,18 @@ static int status_signal(void)
 	return sig == 0 ? SIGINT : sig == SIGUSR1 ? SIGTERM : sig;
 }
 
-int cmd_report_failure(const cmd_env *e)
+int cmd_failure_status(const cmd_env *e)
 {
 	const wh_error *err = &e->ctx.err;
-	(void)fprintf(stderr, "whittle %s: %s\n", e->name, err->text);
 	if (err->code == WH_E_INTERRUPT)
 		return 128 + status_signal();
 	return err->code == WH_E_IRREGULAR ? WH_E_RUN : (int)err->code;
+}
+
+int cmd_report_failure(const cmd_env *e)
+{
+	(void)fprintf(stderr, "whittle %s: %s\n", e->name, e->ctx.err.text);
+	return cmd_failure_status(e);
 }
 
 int cmd_usage_error(const char *name, const char *fmt, ...)

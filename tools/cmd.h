@@ -33,6 +33,9 @@ void cmd_env_init(cmd_env *e, const char *name);
 /* SIGUSR1 asks to stop, too, as batch systems send it; the status is that of SIGTERM. */
 void cmd_stop_on_usr1(void);
 
+/* The exit status of the recorded failure (128 + signal when interrupted). */
+int cmd_failure_status(const cmd_env *e);
+
 /* Prints the recorded failure and returns its exit status (128 + signal when interrupted). */
 int cmd_report_failure(const cmd_env *e);
 

@@ -217,8 +217,9 @@ static void print_quoted(FILE *f, const char *arg)
 static void print_how_to_resume(const reduce_options *o, int argc, char **argv, bool kept)
 {
 	if (kept)
-		(void)fprintf(stderr, "whittle reduce: what is done is kept in '%s'; to go on:\n",
-		              o->params.run_dir);
+		(void)fprintf(stderr, "whittle reduce: what is done is kept in '%s'; to go on%s:\n",
+		              o->params.run_dir,
+		              wh_mpi_processes() > 1 ? ", by any number of processes" : "");
 	else
 		(void)fputs("whittle reduce: nothing was done yet; to start again:\n", stderr);
 	(void)fputs("  whittle", stderr);
@@ -245,20 +246,10 @@ static void print_paused(const reduce_options *o, const wh_reduce_report *r)
 		(void)printf("joined; next: whittle stage finish\n");
 }
 
-/* With -v each stage tells in a file of its own, in the run directory, how it went. */
-static void write_log(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r)
+static void write_log_to(const char *path, const cmd_env *env, const wh_reduce_report *r)
 {
-	static const char *const name[] = {"all", "plan", "ingest", "decimate", "join", "finish"};
-	const wh_reduce_params *p = &o->params;
-	char path[PATH_MAX], host[256] = "";
-	if (!o->verbose || p->stage == WH_STAGE_ALL || p->stage == WH_STAGE_PLAN)
-		return;
-	size_t n = (size_t)snprintf(path, sizeof path, "%s/log-%s", p->run_dir, name[p->stage]);
-	if (p->stage == WH_STAGE_DECIMATE && n < sizeof path)
-		n += (size_t)snprintf(path + n, sizeof path - n, "-%u", p->round);
-	if ((p->stage == WH_STAGE_DECIMATE || p->stage == WH_STAGE_INGEST) && n < sizeof path)
-		n += (size_t)snprintf(path + n, sizeof path - n, "-part-%05u", p->part + 1);
-	FILE *f = n < sizeof path ? fopen(path, "ae") : NULL;
+	char host[256] = "";
+	FILE *f = fopen(path, "ae");
 	if (!f)
 		return; /* a log is no reason to fail */
 	(void)gethostname(host, sizeof host - 1);
@@ -272,7 +263,67 @@ static void write_log(const reduce_options *o, const cmd_env *env, const wh_redu
 	(void)fclose(f);
 }
 
+/* With -v each stage tells in a file of its own, in the run directory, how it went. */
+static void write_log(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r)
+{
+	static const char *const name[] = {"all", "plan", "ingest", "decimate", "join", "finish"};
+	const wh_reduce_params *p = &o->params;
+	char path[PATH_MAX];
+	if (!o->verbose || p->stage == WH_STAGE_ALL || p->stage == WH_STAGE_PLAN)
+		return;
+	size_t n = (size_t)snprintf(path, sizeof path, "%s/log-%s", p->run_dir, name[p->stage]);
+	if (p->stage == WH_STAGE_DECIMATE && n < sizeof path)
+		n += (size_t)snprintf(path + n, sizeof path - n, "-%u", p->round);
+	if ((p->stage == WH_STAGE_DECIMATE || p->stage == WH_STAGE_INGEST) && n < sizeof path)
+		n += (size_t)snprintf(path + n, sizeof path - n, "-part-%05u", p->part + 1);
+	if (n < sizeof path)
+		write_log_to(path, env, r);
+}
+
+/* ---- ranks -------------------------------------------------------------------------------- */
+
+/* The same for each process of an MPI job. */
+static void write_rank_log(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r)
+{
+	const char *dir = o->params.run_dir;
+	char path[PATH_MAX];
+	if (!o->verbose || !dir ||
+	    (size_t)snprintf(path, sizeof path, "%s/log-rank-%05d", dir, r->rank) >= sizeof path)
+		return;
+	(void)mkdir(dir, 0777); /* it may have gone with the end of the run */
+	write_log_to(path, env, r);
+}
+
+/* Says what stopped this rank; returns the status. Those that the others' end has stopped have
+ * nothing to say. */
+static int tell_rank_failure(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
+                             int argc, char **argv)
+{
+	char host[256] = "";
+	if (env->ctx.err.code == WH_E_INTERRUPT && r->rank != 0)
+		return cmd_failure_status(env);
+	(void)gethostname(host, sizeof host - 1);
+	if (r->ranks > 1 && env->ctx.err.code != WH_E_INTERRUPT)
+		(void)fprintf(stderr, "whittle reduce: process %d of %d, on %s, ends the run:\n",
+		              r->rank, r->ranks, host);
+	const int status = cmd_report_failure(env);
+	if (env->ctx.err.code == WH_E_INTERRUPT || env->ctx.err.code == WH_E_RUN)
+		print_how_to_resume(o, argc, argv, o->params.run_dir != NULL);
+	return status;
+}
+
 /* ---- all of it ---------------------------------------------------------------------------- */
+
+/* Words and report of a run that has come to its end. */
+static int tell_result(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
+                       wh_code code)
+{
+	if (!o->quiet)
+		print_summary(prints_output(o) ? stderr : stdout, o, r);
+	if (o->report && reduce_report_write(env, o->report, &o->params, r) != 0)
+		return WH_E_RUN;
+	return code == WH_OK ? WH_OK : cmd_report_failure(env);
+}
 
 int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 {
@@ -302,13 +353,38 @@ int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 			print_how_to_resume(o, argc, argv, report.resumable);
 		return failed;
 	}
-	if (!o->quiet && report.paused && o->params.stage != WH_STAGE_PLAN)
+	if (last)
+		return tell_result(o, &env, &report, code);
+	if (!o->quiet && o->params.stage != WH_STAGE_PLAN)
 		print_paused(o, &report);
-	else if (!o->quiet && !report.paused)
-		print_summary(prints_output(o) ? stderr : stdout, o, &report);
-	if (last && o->report && reduce_report_write(&env, o->report, &o->params, &report) != 0)
-		return WH_E_RUN;
-	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
+	return WH_OK;
+}
+
+/* One of several processes: the first one tells, all the same way as if it were alone. */
+static int run_rank(reduce_options *o, int argc, char **argv)
+{
+	cmd_env env;
+	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
+		return WH_E_USAGE;
+	cmd_env_init(&env, "reduce");
+	cmd_stop_on_usr1();
+	progress_bar bar;
+	progress_bar_init(&bar, !o->quiet && !o->no_progress);
+	o->params.progress = progress_bar_tell;
+	o->params.progress_user = &bar;
+	o->params.notice = print_notice;
+	o->params.notice_user = o;
+	wh_reduce_report report;
+	const wh_code code = wh_reduce_mpi(&env.ctx, &o->params, &report);
+	if (report.rank == 0)
+		progress_bar_end(&bar);
+	write_rank_log(o, &env, &report);
+	if (code != WH_OK && code != WH_E_TARGET) {
+		const int status = tell_rank_failure(o, &env, &report, argc, argv);
+		wh_reduce_mpi_abort(status);
+		return status;
+	}
+	return report.rank == 0 ? tell_result(o, &env, &report, code) : WH_OK;
 }
 
 int cmd_reduce(int argc, char **argv)
@@ -321,5 +397,6 @@ int cmd_reduce(int argc, char **argv)
 		(void)fputs(help, stdout);
 		return WH_OK;
 	}
-	return reduce_run(argv[0], &o, argc, argv);
+	return wh_mpi_processes() > 1 ? run_rank(&o, argc, argv)
+	                              : reduce_run(argv[0], &o, argc, argv);
 }

@@ -154,7 +154,7 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	put_count(root, "rounds", r->rounds);
 	put_count(root, "cut_vertices", r->cut_vertices);
 	put_count(root, "threads", (uint64_t)r->threads);
-	put_count(root, "ranks", 1);
+	put_count(root, "ranks", r->ranks ? (uint64_t)r->ranks : 1);
 	put_count(root, "resumed", r->resumed);
 	put_count(root, "peak_rss_bytes", cmd_peak_rss());
 	put_count(root, "temp_bytes_peak", r->temp_bytes_peak);

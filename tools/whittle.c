@@ -62,7 +62,8 @@ static int dispatch(int argc, char **argv)
 		return WH_OK;
 	}
 	if (strcmp(first, "--version") == 0 || strcmp(first, "-V") == 0) {
-		(void)printf("whittle %s\n", WHITTLE_VERSION);
+		(void)printf("whittle %s\n%s", WHITTLE_VERSION,
+		             wh_mpi_is_built_in() ? "built with MPI\n" : "");
 		return WH_OK;
 	}
 	const command *cmd = find_command(first);

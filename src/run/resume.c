@@ -470,9 +470,16 @@ static void tell_state(wh_run *r)
 	notice(r, text);
 }
 
+/* A stage is no new beginning; an MPI job that plans is. */
+static bool is_new_beginning(const wh_run *r)
+{
+	return r->params->stage == WH_STAGE_ALL ||
+	       (r->params->stage == WH_STAGE_PLAN && r->params->any_parts);
+}
+
 static wh_code go_on(wh_run *r)
 {
-	const bool staged = r->params->stage != WH_STAGE_ALL;
+	const bool staged = !is_new_beginning(r);
 	look_at_outputs(r);
 	r->book.resumed += !staged;
 	take_sums(r);

@@ -108,10 +108,30 @@ static wh_code scan(wh_run *r)
 	    wh_ingest_scan(r->c, &ex, &r->progress, &r->input.source, r->plan.clusters, &r->spill));
 }
 
+/* Nothing is ingested yet: the input may be cut into other parts. What there are of the same ones
+ * stays. */
+static void forget_plan(wh_run *r)
+{
+	wh_manifest *m = &r->book;
+	wh_store s = {.spill = &r->spill, .parts = (uint32_t)m->parts};
+	if (m->parts == r->params->parts)
+		return;
+	wh_pieces_remove(&s);
+	m->parts = 0;
+	m->shared_ingest = false;
+}
+
 /* Everything that the parts need is in the run directory afterwards. */
 static wh_code plan_parts(wh_run *r)
 {
 	wh_manifest *m = &r->book;
+	if (r->params->any_parts && m->steps == 0)
+		forget_plan(r);
+	if (r->params->any_parts && m->parts != r->params->parts && m->steps > 0) {
+		m->parts = r->params->parts;
+		return wh_manifest_write(r->c, &r->spill, m) == WH_OK ? pause_run(r)
+		                                                      : r->c->err.code;
+	}
 	if (m->parts != 0 && r->params->parts != m->parts)
 		return wh_fail(r->c, WH_E_USAGE,
 		               "'%s' holds a run that was planned for %" PRIu64
@@ -284,7 +304,7 @@ static uint32_t count_missing(wh_run *r, const wh_ledger *l, wh_ledger_kind kind
 }
 
 /* A join that has done something ends where the parts are needed again; one that has not finds
- * them done, or tells which are missing. */
+ * them done, or tells which are missing. (Those of an MPI job are at hand, and do what is.) */
 static wh_code join_parts(wh_run *r, const wh_ledger *l, wh_ledger_kind kind)
 {
 	const bool finish = r->params->stage == WH_STAGE_FINISH;
@@ -299,7 +319,7 @@ static wh_code join_parts(wh_run *r, const wh_ledger *l, wh_ledger_kind kind)
 	(void)snprintf(what, sizeof what, "round %u", r->shared + 1);
 	if (code != WH_OK || left == 0 || (finish && is_beyond_plan(r))) {
 		;
-	} else if (!finish && (r->joined || left == l->clusters)) {
+	} else if (!finish && (r->joined || left == l->clusters || r->params->any_parts)) {
 		r->report->next_round = r->shared + 1;
 		code = pause_run(r);
 	} else {
