@@ -88,8 +88,8 @@ typedef struct wh_reduce_params {
 	uint32_t parts; /* of PLAN: how many there are to be; else 0 or the same number */
 	uint32_t part;  /* of INGEST and DECIMATE, from 0 */
 	uint32_t round; /* of DECIMATE, from 1 */
-	bool any_parts; /* of PLAN: of a run that there is, whatever its number of parts was; of JOIN:
-	                   parts that are missing are to be done next */
+	bool any_parts; /* of PLAN: of a run that there is, whatever its number of parts was; of
+	                   JOIN: parts that are missing are to be done next */
 	/* Told in a sentence what a resumed run goes on from. May be NULL. */
 	void (*notice)(void *user, const char *text);
 	void *notice_user;
