@@ -4,6 +4,9 @@
  *     open -> ingest -> [survey -> decimate -> (recut -> survey -> decimate)*]
  *          -> stitch -> final pass -> check -> write           a result that fits memory
  *          -> (recut -> round)* -> recut -> settle -> check -> write     a larger one
+ *
+ * Of several results, each goes on from the one before: behind "open -> ingest", or at the final
+ * pass once there was one.
  */
 #define _GNU_SOURCE
 #include "whittle.h"
@@ -95,6 +98,43 @@ static wh_code open_input(wh_run *r)
 	                                           : wh_run_open_input(r, false));
 }
 
+/* Reduces the mesh to the aim. */
+static wh_code reach(wh_run *r)
+{
+	if (!r->stitched && wh_run_rounds(r) != WH_OK)
+		return r->c->err.code;
+	if (!r->stitched && wh_plan_streams(&r->sizes, r->store.clusters, r->faces))
+		return wh_run_settle(r) == WH_OK ? wh_run_end_rounds(r) : r->c->err.code;
+	if (!r->stitched && (wh_run_end_rounds(r) != WH_OK || wh_run_stitch(r) != WH_OK))
+		return r->c->err.code;
+	return wh_run_final_pass(r) == WH_OK ? wh_run_order(r) : r->c->err.code;
+}
+
+/* Checks it and writes it. */
+static wh_code deliver(wh_run *r, wh_outfile **out)
+{
+	if (wh_run_is_delivered(r))
+		return WH_OK;
+	if (r->stitched)
+		return wh_run_check(r) == WH_OK && wh_run_open_output(r, out) == WH_OK
+		           ? wh_run_write(r, out)
+		           : r->c->err.code;
+	return wh_run_check_clusters(r) == WH_OK && wh_run_open_output(r, out) == WH_OK
+	           ? wh_run_emit(r, out)
+	           : r->c->err.code;
+}
+
+/* `last`: the last one's output, which may be open already. */
+static wh_code one_result(wh_run *r, wh_outfile **last)
+{
+	wh_outfile *own = NULL;
+	if (reach(r) != WH_OK)
+		return r->c->err.code;
+	const wh_code code = deliver(r, wh_run_is_last(r) ? last : &own);
+	wh_outfile_abort(r->c, &own);
+	return code;
+}
+
 static wh_code all_stages(wh_run *r, wh_outfile **out)
 {
 	if (open_all(r, out) != WH_OK || wh_run_stage(r) != WH_OK || open_input(r) != WH_OK)
@@ -108,19 +148,13 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 	wh_run_list_dropped(r);
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_ingest(r)) != WH_OK ||
-	    wh_run_write_seams(r, false) != WH_OK || wh_run_rounds(r) != WH_OK)
+	    wh_run_write_seams(r, false) != WH_OK)
 		return r->c->err.code;
-	if (wh_plan_streams(&r->sizes, r->store.clusters, r->faces)) {
-		if (wh_run_settle(r) != WH_OK || wh_run_end_rounds(r) != WH_OK ||
-		    wh_run_check_clusters(r) != WH_OK || wh_run_open_output(r, out) != WH_OK ||
-		    wh_run_emit(r, out) != WH_OK)
+	for (size_t i = 0; i < wh_run_results(r); i++) {
+		wh_run_aim(r, i);
+		if (!wh_run_leaves_out(r) && one_result(r, out) != WH_OK)
 			return r->c->err.code;
-		return WH_OK;
 	}
-	if (wh_run_end_rounds(r) != WH_OK || wh_run_stitch(r) != WH_OK ||
-	    wh_run_final_pass(r) != WH_OK || wh_run_check(r) != WH_OK ||
-	    wh_run_open_output(r, out) != WH_OK || wh_run_write(r, out) != WH_OK)
-		return r->c->err.code;
 	return WH_OK;
 }
 
@@ -141,6 +175,37 @@ static wh_code verdict(wh_run *r)
 	    r->params->simplify_topology ? "" : "; --topology simplify may reach it");
 }
 
+static bool is_sensible(const wh_level *l)
+{
+	return (l->faces || l->face_ratio > 0 || l->vertices || l->vertex_ratio > 0 ||
+	        l->error > 0 || l->error_share > 0) &&
+	       l->face_ratio <= 1 && l->vertex_ratio <= 1 && l->output &&
+	       strcmp(l->output, "-") != 0;
+}
+
+/* Each has a limit and a file of its own. */
+static wh_code sensible_levels(wh_ctx *c, const wh_reduce_params *p)
+{
+	if (p->levels && (p->stage != WH_STAGE_ALL || p->parts))
+		return wh_fail(c, WH_E_USAGE, "several levels are not for runs in parts");
+	if (p->levels > WH_LEVELS_MOST)
+		return wh_fail(c, WH_E_USAGE, "more than %d levels", WH_LEVELS_MOST);
+	for (size_t i = 0; i < p->levels; i++) {
+		const wh_level *l = &p->level[i];
+		if (!is_sensible(l))
+			return wh_fail(c, WH_E_USAGE, "level %zu has no limit, or no file to go to",
+			               i + 1);
+		bool twice = p->output && strcmp(l->output, p->output) == 0;
+		for (size_t k = 0; k < i; k++)
+			twice = twice || strcmp(l->output, p->level[k].output) == 0;
+		if (twice || (p->seams && strcmp(l->output, p->seams) == 0) ||
+		    strcmp(l->output, p->input) == 0)
+			return wh_fail(c, WH_E_USAGE,
+			               "'%s' is the output of two levels, or the input", l->output);
+	}
+	return WH_OK;
+}
+
 static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 {
 	if (!p->faces && !(p->face_ratio > 0) && !p->vertices && !(p->vertex_ratio > 0) &&
@@ -149,6 +214,8 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		               "no target: give --faces, --vertices, --ratio or --error");
 	if (p->face_ratio > 1 || p->vertex_ratio > 1)
 		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
+	if (sensible_levels(c, p) != WH_OK)
+		return c->err.code;
 	if (p->resume && !p->run_dir)
 		return wh_fail(c, WH_E_USAGE, "--resume needs the --run-dir that is to be resumed");
 	if (wh_run_sensible_stage(c, p) != WH_OK)
@@ -177,6 +244,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	            .cuts = {.fd = -1},
 	            .sizes = wh_run_sizes(params)};
 	r.exec.stats = &r.stats;
+	wh_run_aim(&r, params->levels);
 	const size_t old_limit = c->mem->limit;
 	atomic_store(&c->mem->peak, atomic_load(&c->mem->used));
 	c->mem->limit = r.memory > OPEN_BYTES ? r.memory - WH_PLAN_BASE / 2 : OPEN_BYTES;
@@ -197,6 +265,8 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	report->temp_bytes_peak = atomic_load(&r.spill.peak);
 	report->bytes_read += atomic_load(&r.spill.bytes_read);
 	report->bytes_written = atomic_load(&r.spill.bytes_written) + report->output_bytes;
+	for (size_t i = 0; i < params->levels; i++)
+		report->bytes_written += report->level[i].bytes;
 	wh_patch_free(c, &r.patch);
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
@@ -268,6 +338,7 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 	            .exec = {.workers = wh_exec_threads(params->threads)},
 	            .memory = params->memory ? params->memory : wh_topo_memory() / 2,
 	            .sizes = wh_run_sizes(params)};
+	wh_run_aim(&r, params->levels);
 	wh_code code = look_at_input(&r, report);
 	if (code == WH_OK) {
 		if (!wh_run_copies(&r))

@@ -30,6 +30,17 @@ typedef enum wh_stage {
 	WH_STAGE_FINISH    /* needs all parts; goes on to the end */
 } wh_stage;
 
+/* A result on the way to the last one: its limits, as in wh_reduce_params, and where it goes. */
+typedef struct wh_level {
+	uint64_t faces;
+	double face_ratio;
+	uint64_t vertices;
+	double vertex_ratio, error, error_share;
+	const char *output; /* a path; of the last output's format */
+} wh_level;
+
+enum { WH_LEVELS_MOST = 64 };
+
 /* What to do. Zero-initialise with wh_reduce_defaults. */
 typedef struct wh_reduce_params {
 	const char *input;  /* PLY, OBJ, OFF or STL file */
@@ -50,6 +61,13 @@ typedef struct wh_reduce_params {
 	double vertex_ratio; /* 0: none */
 	double error;        /* accumulated distance, in units of the file; 0: none */
 	double error_share;  /* the same as a share of the bounding-box diagonal; 0: none */
+
+	/* More results from the same run, the largest first, each the beginning of the next; the
+	 * limits above are those of the last one. Each appears as soon as it is whole, and stays
+	 * when the run fails after that. One that would be no smaller than the input is left
+	 * out. */
+	const wh_level *level;
+	size_t levels; /* at most WH_LEVELS_MOST */
 
 	bool simplify_topology; /* small parts, holes and handles go when their size is below the
 	                           error of the moment; else the topology stays as it is */
@@ -136,7 +154,18 @@ typedef struct wh_phase_report {
 	uint64_t bytes_read, bytes_written; /* files; the page cache may serve them */
 } wh_phase_report;
 
-/* What was done. */
+/* What became of a level. */
+typedef struct wh_level_report {
+	uint64_t target_faces, target_vertices; /* as worked out; 0: none */
+	uint64_t vertices, faces, bytes;
+	uint64_t boundary_edges, nonmanifold_edges, components; /* where checked */
+	double cost_distance, accumulated_error;
+	bool left_out; /* it would be no smaller than the input; the rest is 0 */
+	bool checked, streamed, one_less, exhausted;
+	char checksum[33];
+} wh_level_report;
+
+/* What was done. Of several results, the last. */
 typedef struct wh_reduce_report {
 	uint64_t input_bytes, input_vertices, input_faces; /* faces: triangles */
 	uint64_t polygons;              /* input faces with more than three corners */
@@ -183,6 +212,7 @@ typedef struct wh_reduce_report {
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;
 	wh_phase_report phase[WH_PHASES];
 	double seconds_total;
+	wh_level_report level[WH_LEVELS_MOST]; /* of each of params->level, once it is there */
 	uint64_t resumed; /* times; seconds and bytes are those of all processes together */
 	int ranks,
 	    rank; /* of wh_reduce_mpi: processes, and which one this is; phases are its own */

@@ -28,6 +28,9 @@ static const char help[] =
     "      --ratio R         share of the triangles to keep: 0.1\n"
     "      --error E|P%      how far the surface may move, as estimated, in units of\n"
     "                        the file or per cent of the bounding-box diagonal\n"
+    "      --levels LIST     several results from one run: 1M,100K,10K or 10%,1%; OUT.ply\n"
+    "                        becomes OUT-1000000.ply ..., or name it OUT%f.ply\n"
+    "      --levels-error LIST   the same with limits as of --error\n"
     "      --fast            less time for a little more error\n"
     "      --lock-boundary   keep boundary edges exactly\n"
     "      --topology WAY    keep (default) components, handles and boundary loops, or\n"
@@ -170,8 +173,24 @@ static void print_phase(FILE *f, const char *name, const wh_phase_report *p, int
 	              full > 0 ? 100 * p->busy / full : 0);
 }
 
+static void print_levels(FILE *f, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	for (size_t i = 0; i < p->levels; i++) {
+		const wh_level_report *l = &r->level[i];
+		if (l->left_out)
+			(void)fprintf(f, "%s: left out, as it would be no smaller than the input\n",
+			              p->level[i].output);
+		else
+			(void)fprintf(f, "%s: %llu %s, %llu %s%s\n", p->level[i].output,
+			              (unsigned long long)l->faces, faces_word(l->faces),
+			              (unsigned long long)l->vertices, vertices_word(l->vertices),
+			              l->exhausted ? ": more than asked for" : "");
+	}
+}
+
 static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_report *r)
 {
+	print_levels(f, &o->params, r);
 	(void)fprintf(f, "%s: %llu faces -> %s: %llu faces, %llu vertices\n", o->params.input,
 	              (unsigned long long)r->input_faces, o->params.output,
 	              (unsigned long long)r->output_faces, (unsigned long long)r->output_vertices);

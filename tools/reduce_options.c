@@ -14,6 +14,8 @@ enum {
 	OPT_FAST,
 	OPT_LOCK,
 	OPT_TOPOLOGY,
+	OPT_LEVELS,
+	OPT_LEVELS_ERROR,
 	OPT_COST,
 	OPT_FACE_WEIGHT,
 	OPT_PLACEMENT,
@@ -46,6 +48,8 @@ static const struct option long_options[] = {
     {"error", required_argument, NULL, OPT_ERROR},
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
+    {"levels", required_argument, NULL, OPT_LEVELS},
+    {"levels-error", required_argument, NULL, OPT_LEVELS_ERROR},
     {"topology", required_argument, NULL, OPT_TOPOLOGY},
     {"cost", required_argument, NULL, OPT_COST},
     {"weight", required_argument, NULL, OPT_FACE_WEIGHT},
@@ -93,8 +97,7 @@ static bool parse_percent(const char *text, double *share)
 	return true;
 }
 
-/* A positive count or a percentage up to 100. */
-static bool parse_target(const char *text, uint64_t *count, double *share)
+bool reduce_parse_target(const char *text, uint64_t *count, double *share)
 {
 	int64_t n;
 	if (parse_percent(text, share))
@@ -114,11 +117,11 @@ static bool parse_size(const char *text, bool binary, uint64_t *out)
 	return true;
 }
 
-static bool parse_error_limit(const char *text, wh_reduce_params *p)
+bool reduce_parse_error(const char *text, double *error, double *share)
 {
-	if (parse_percent(text, &p->error_share))
-		return p->error_share > 0;
-	return cmd_parse_real(text, &p->error) && p->error > 0;
+	if (parse_percent(text, share))
+		return *share > 0;
+	return cmd_parse_real(text, error) && *error > 0;
 }
 
 static bool parse_topology(const char *text, bool *simplify)
@@ -177,6 +180,10 @@ static const char **text_of(reduce_options *o, int opt)
 		return &p->output;
 	case OPT_ATTRIBUTES:
 		return &p->attributes;
+	case OPT_LEVELS:
+		return &o->levels;
+	case OPT_LEVELS_ERROR:
+		return &o->levels_error;
 	case OPT_COST:
 		return &p->cost;
 	case OPT_FACE_WEIGHT:
@@ -205,17 +212,17 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 	bool ok = true;
 	switch (opt) {
 	case 'n':
-		ok = parse_target(arg, &p->faces, &p->face_ratio);
+		ok = reduce_parse_target(arg, &p->faces, &p->face_ratio);
 		break;
 	case OPT_VERTICES:
-		ok = parse_target(arg, &p->vertices, &p->vertex_ratio);
+		ok = reduce_parse_target(arg, &p->vertices, &p->vertex_ratio);
 		break;
 	case OPT_RATIO:
 		ok = (parse_percent(arg, &p->face_ratio) || cmd_parse_real(arg, &p->face_ratio)) &&
 		     p->face_ratio > 0 && p->face_ratio <= 1;
 		break;
 	case OPT_ERROR:
-		ok = parse_error_limit(arg, p);
+		ok = reduce_parse_error(arg, &p->error, &p->error_share);
 		break;
 	case OPT_TOPOLOGY:
 		ok = parse_topology(arg, &p->simplify_topology);
@@ -371,6 +378,13 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return cmd_usage_error(argv[0], "no output given: add -o FILE");
 	if (o->params.resume && !o->params.run_dir)
 		return cmd_usage_error(argv[0], "--resume needs the --run-dir to go on with");
+	if (o->levels || o->levels_error) {
+		if (has_limit(&o->params) || (o->levels && o->levels_error))
+			return cmd_usage_error(argv[0],
+			                       "--levels is instead of --faces, --vertices, "
+			                       "--ratio, --error and --levels-error");
+		return levels_options_take(argv[0], o);
+	}
 	if (!has_limit(&o->params))
 		return cmd_usage_error(
 		    argv[0], "no target given: add --faces, --vertices, --ratio or --error");

@@ -8,7 +8,10 @@
 
 typedef struct reduce_options {
 	wh_reduce_params params;
-	char weights[1024]; /* what params.weights points to */
+	char weights[1024];                /* what params.weights points to */
+	const char *levels, *levels_error; /* lists; NULL: none */
+	wh_level level[WH_LEVELS_MOST];    /* what params.level points to, */
+	char names[16384];                 /* and their outputs and the last one's */
 	const char *report;
 	bool quiet, verbose, no_progress, help;
 	bool json; /* plan only */
@@ -17,5 +20,16 @@ typedef struct reduce_options {
 /* Fills *o, whose params hold the defaults. `plan`: no output is needed. WH_OK, or the status to
  * leave with. */
 int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o);
+
+/* A positive count or a percentage up to 100. */
+bool reduce_parse_target(const char *text, uint64_t *count, double *share);
+/* A distance above 0 or a percentage. */
+bool reduce_parse_error(const char *text, double *error, double *share);
+
+/* ---- levels_options.c --------------------------------------------------------------------- */
+
+/* Turns a list of levels into levels and, of the least, the last result, and makes the names of
+ * their outputs of the one that is given. WH_OK, or the status to leave with. */
+int levels_options_take(const char *command, reduce_options *o);
 
 #endif

@@ -107,6 +107,38 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	(void)json_object_set_new(o, "euler_characteristic", json_integer(r->euler));
 }
 
+/* The results before the last, which the rest of the report is about. */
+static void put_levels(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	json_t *list = json_array();
+	for (size_t i = 0; i < p->levels; i++) {
+		const wh_level_report *l = &r->level[i];
+		json_t *o = json_object();
+		put_text(o, "path", p->level[i].output);
+		put_count(o, "target_faces", l->target_faces);
+		put_real(o, "target_error",
+		         p->level[i].error > 0 ? p->level[i].error
+		                               : p->level[i].error_share * r->diagonal);
+		put_flag(o, "left_out", l->left_out);
+		put_count(o, "bytes", l->bytes);
+		put_count(o, "vertices", l->vertices);
+		put_count(o, "faces", l->faces);
+		put_text(o, "checksum_xxh3_128", l->checksum);
+		put_flag(o, "streamed", l->streamed);
+		put_flag(o, "one_less", l->one_less);
+		put_flag(o, "exhausted", l->exhausted);
+		put_real(o, "cost_distance", l->cost_distance);
+		put_real(o, "accumulated_estimate", l->accumulated_error);
+		if (l->checked) {
+			put_count(o, "boundary_edges", l->boundary_edges);
+			put_count(o, "nonmanifold_edges", l->nonmanifold_edges);
+			put_count(o, "components", l->components);
+		}
+		(void)json_array_append_new(list, o);
+	}
+	(void)json_object_set_new(root, "levels", list);
+}
+
 static void put_topology(json_t *root, const wh_reduce_report *r)
 {
 	json_t *o = put_object(root, "topology");
@@ -209,6 +241,7 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_input(root, p, r);
 	put_output(root, p, r);
 	put_outcome(root, r);
+	put_levels(root, p, r);
 	put_costs(root, r);
 	wh_ctx c = wh_ctx_fork(&e->ctx);
 	const wh_code code = write_text(&c, path, p->force, root);

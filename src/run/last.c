@@ -17,6 +17,7 @@ wh_code wh_run_stitch(wh_run *r)
 	r->report->never_free_vertices = 0; /* no vertex is on a cut now */
 	if (code == WH_OK && !r->journaled) /* else whoever resumes this needs them */
 		wh_round_remove(&r->store);
+	r->stitched = true;
 	return wh_run_phase_end(r, WH_PHASE_STITCH, code);
 }
 
@@ -33,7 +34,7 @@ static wh_code separate(wh_run *r)
 	if (!r->params->simplify_topology)
 		return WH_OK;
 	const wh_code code = wh_separate(r->c, &r->patch, r->report->input_vertices, &done);
-	r->report->nonmanifold_split = done.doubled;
+	r->report->nonmanifold_split += done.doubled;
 	r->work.changes[WH_SHELL] += done.pillows;
 	return code;
 }
@@ -79,16 +80,21 @@ wh_code wh_run_check(wh_run *r)
 	return WH_OK;
 }
 
-wh_code wh_run_write(wh_run *r, wh_outfile **out)
+wh_code wh_run_order(wh_run *r)
 {
 	wh_run_phase_begin(r);
 	wh_progress_phase(&r->progress, "order", r->patch.nv);
 	wh_order_work work = {0};
-	wh_code code = wh_patch_order(r->c, &r->patch, &work);
+	const wh_code code = wh_patch_order(r->c, &r->patch, &work);
 	wh_order_work_free(r->c, &work);
-	if (code == WH_OK)
-		code = wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch,
-		                       r->ingest.scale);
+	return wh_run_phase_end(r, WH_PHASE_WRITE, code);
+}
+
+wh_code wh_run_write(wh_run *r, wh_outfile **out)
+{
+	wh_run_phase_begin(r);
+	wh_code code =
+	    wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch, r->ingest.scale);
 	r->report->output_vertices = r->patch.nv;
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)

@@ -42,7 +42,7 @@ typedef struct wh_choices {
 	bool ascii, quantize, seams, simplify_topology, fast, lock_boundary;
 	uint64_t from, to, packing;             /* formats, as numbers */
 	uint64_t attributes_hash, weights_hash; /* of what was asked for; 0: nothing */
-	uint64_t cost, face_weight, placement, own_hash;
+	uint64_t cost, face_weight, placement, own_hash, levels_hash;
 } wh_choices;
 
 typedef enum wh_step_kind {
@@ -73,6 +73,8 @@ typedef struct wh_step {
 	/* write: */
 	uint64_t output_bytes, seams_bytes;
 	char output[33], seams[33]; /* checksums */
+	uint64_t result;            /* which of the run's results */
+	wh_level_report level;      /* what became of it, but for the last */
 } wh_step;
 
 typedef struct wh_manifest {

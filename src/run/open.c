@@ -145,10 +145,39 @@ static wh_plan make_plan(const wh_run *r)
 	return p;
 }
 
+/* What a run through two plans needs. */
+static void join_plans(wh_plan *p, const wh_plan *q)
+{
+	for (int i = 0; i < WH_PLAN_STAGES; i++) {
+		if (q->stage[i].need > p->stage[i].need)
+			p->stage[i].need = q->stage[i].need;
+		if (q->stage[i].expect > p->stage[i].expect)
+			p->stage[i].expect = q->stage[i].expect;
+	}
+	p->rounds = q->rounds > p->rounds ? q->rounds : p->rounds;
+	p->streams = p->streams || q->streams;
+	p->least = q->least > p->least ? q->least : p->least;
+	p->peak_ram = q->peak_ram > p->peak_ram ? q->peak_ram : p->peak_ram;
+	p->peak_disk = q->peak_disk > p->peak_disk ? q->peak_disk : p->peak_disk;
+}
+
+/* The last result's plan, and those of the levels before it. */
+static void make_plans(wh_run *r)
+{
+	r->plan = make_plan(r);
+	for (size_t i = 0; i < r->params->levels; i++) {
+		wh_run_aim(r, i);
+		const wh_plan p = make_plan(r);
+		if (!wh_run_is_no_smaller(r))
+			join_plans(&r->plan, &p);
+	}
+	wh_run_aim(r, r->params->levels);
+}
+
 wh_code wh_run_refuse_early(wh_run *r)
 {
 	int most = 0;
-	r->plan = make_plan(r);
+	make_plans(r);
 	for (int i = 1; i < WH_PLAN_STAGES; i++)
 		if (r->plan.stage[i].need > r->plan.stage[most].need)
 			most = i;
@@ -266,11 +295,7 @@ wh_code wh_run_ingest(wh_run *r)
 		return wh_fail(r->c, WH_E_INPUT,
 		               "%s: all %llu faces are degenerate: nothing to reduce",
 		               r->params->input, (unsigned long long)t->input_faces);
-	r->max_err = INFINITY;
-	if (r->params->error > 0)
-		r->max_err = r->params->error;
-	if (r->params->error_share > 0)
-		r->max_err = fmin(r->max_err, r->params->error_share * t->diagonal);
+	wh_run_limit_error(r);
 	return WH_OK;
 }
 

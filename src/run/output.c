@@ -20,9 +20,12 @@ static wh_code try_one(wh_run *r, const char *path, bool replace)
 wh_code wh_run_try_output(wh_run *r)
 {
 	const wh_reduce_params *p = r->params;
+	for (size_t i = 0; i < p->levels; i++)
+		if (try_one(r, p->level[i].output, r->replace_level[i]) != WH_OK)
+			return r->c->err.code;
 	if (!r->journaled)
 		return WH_OK;
-	if (try_one(r, p->output, r->replace_output) != WH_OK ||
+	if (try_one(r, p->output, r->replace_level[p->levels]) != WH_OK ||
 	    (p->seams && try_one(r, p->seams, r->replace_seams) != WH_OK))
 		return r->c->err.code;
 	return WH_OK;
@@ -34,9 +37,9 @@ wh_code wh_run_open_output(wh_run *r, wh_outfile **out)
 	if (*out)
 		return WH_OK;
 	const wh_code code =
-	    r->journaled ? wh_outfile_open_tagged(r->c, out, p->output,
-	                                          p->force || r->replace_output, r->spill.tag)
-	                 : wh_outfile_open(r->c, out, p->output, p->force);
+	    r->journaled ? wh_outfile_open_tagged(r->c, out, r->aim.output,
+	                                          p->force || r->replace_level[r->at], r->spill.tag)
+	                 : wh_outfile_open(r->c, out, r->aim.output, p->force);
 	return code == WH_OK ? wh_outfile_pack(r->c, *out, r->packing) : code;
 }
 
@@ -45,7 +48,8 @@ static wh_code record(wh_run *r, const wh_outfile *out)
 {
 	wh_step step = {.kind = WH_STEP_WRITE, .output_bytes = wh_outfile_bytes(out)};
 	wh_outfile_checksum(out, step.output);
-	if (r->seams) {
+	wh_run_note_level(r, &step);
+	if (r->seams && wh_run_is_last(r)) {
 		step.seams_bytes = wh_outfile_bytes(r->seams);
 		wh_outfile_checksum(r->seams, step.seams);
 	}
@@ -56,11 +60,14 @@ wh_code wh_run_commit(wh_run *r, wh_outfile **out)
 {
 	if (wh_outfile_end(r->c, *out) != WH_OK)
 		return r->c->err.code;
-	r->report->output_bytes = wh_outfile_bytes(*out);
-	wh_outfile_checksum(*out, r->report->checksum);
-	if (wh_run_write_seams(r, true) != WH_OK || record(r, *out) != WH_OK)
+	const bool last = wh_run_is_last(r);
+	if (last) {
+		r->report->output_bytes = wh_outfile_bytes(*out);
+		wh_outfile_checksum(*out, r->report->checksum);
+	}
+	if ((last && wh_run_write_seams(r, true) != WH_OK) || record(r, *out) != WH_OK)
 		return r->c->err.code;
-	if (r->seams && wh_outfile_commit(r->c, &r->seams) != WH_OK)
+	if (last && r->seams && wh_outfile_commit(r->c, &r->seams) != WH_OK)
 		return r->c->err.code;
 	return wh_outfile_commit(r->c, out);
 }

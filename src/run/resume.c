@@ -126,6 +126,19 @@ static uint64_t hash_of(const char *text)
 	return text ? XXH3_64bits(text, strlen(text)) : 0;
 }
 
+/* The limits of the levels; where they go does not matter. */
+static uint64_t hash_of_levels(const wh_reduce_params *p)
+{
+	uint64_t hash = 0;
+	for (size_t i = 0; i < p->levels; i++) {
+		const wh_level *l = &p->level[i];
+		const uint64_t counts[] = {hash, l->faces, l->vertices};
+		const double reals[] = {l->face_ratio, l->vertex_ratio, l->error, l->error_share};
+		hash = XXH3_64bits(reals, sizeof reals) ^ XXH3_64bits(counts, sizeof counts);
+	}
+	return hash;
+}
+
 static wh_choices choices_of(const wh_run *r)
 {
 	const wh_reduce_params *p = r->params;
@@ -137,6 +150,7 @@ static wh_choices choices_of(const wh_run *r)
 	                    .cost = r->policy.cost,
 	                    .face_weight = r->policy.weight,
 	                    .placement = r->policy.placement,
+	                    .levels_hash = hash_of_levels(p),
 	                    .own_hash = hash_of(p->own ? p->own->name : NULL),
 	                    .faces = p->faces,
 	                    .vertices = p->vertices,
@@ -427,19 +441,24 @@ static wh_code may_go_on(wh_run *r, const wh_choices *choices)
 	               r->params->run_dir, what);
 }
 
-/* The last process may have come as far as to give the outputs their names. */
+/* The last process may have come as far as to give outputs their names. */
 static void look_at_outputs(wh_run *r)
 {
 	wh_manifest *m = &r->book;
 	const wh_reduce_params *p = r->params;
-	wh_outfile_clear(r->c, p->output, m->token);
+	for (size_t i = 0; i < wh_run_results(r); i++)
+		wh_outfile_clear(r->c, wh_run_result(r, i).output, m->token);
 	if (p->seams)
 		wh_outfile_clear(r->c, p->seams, m->token);
-	if (m->steps == 0 || m->step[m->steps - 1].kind != WH_STEP_WRITE)
-		return;
-	const wh_step *s = &m->step[m->steps - 1];
-	r->replace_output = wh_outfile_is(r->c, p->output, s->output_bytes, s->output);
-	r->replace_seams = p->seams && wh_outfile_is(r->c, p->seams, s->seams_bytes, s->seams);
+	for (size_t n = 0; n < m->steps; n++) {
+		const wh_step *s = &m->step[n];
+		if (s->kind != WH_STEP_WRITE || s->result > p->levels)
+			continue;
+		r->replace_level[s->result] = wh_outfile_is(
+		    r->c, wh_run_result(r, s->result).output, s->output_bytes, s->output);
+		r->replace_seams = s->result == p->levels && p->seams &&
+		                   wh_outfile_is(r->c, p->seams, s->seams_bytes, s->seams);
+	}
 }
 
 static void take_sums(wh_run *r)

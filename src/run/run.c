@@ -18,7 +18,10 @@ static uint64_t bytes_read(wh_run *r)
 
 static uint64_t bytes_written(wh_run *r)
 {
-	return r->report->output_bytes + atomic_load(&r->spill.bytes_written);
+	uint64_t n = r->report->output_bytes + atomic_load(&r->spill.bytes_written);
+	for (size_t i = 0; i < r->params->levels; i++)
+		n += r->report->level[i].bytes;
+	return n;
 }
 
 void wh_run_phase_begin(wh_run *r)
@@ -88,10 +91,19 @@ static uint64_t loosest_limit(uint64_t count, double share, uint64_t of)
 /* Several limits: the first reached stops, so of two counts the larger one holds. */
 void wh_run_targets(wh_run *r)
 {
-	const wh_reduce_params *p = r->params;
-	r->report->target_faces = loosest_limit(p->faces, p->face_ratio, r->report->input_faces);
+	const wh_level *a = &r->aim;
+	r->report->target_faces = loosest_limit(a->faces, a->face_ratio, r->report->input_faces);
 	r->report->target_vertices =
-	    loosest_limit(p->vertices, p->vertex_ratio, r->report->input_vertices);
+	    loosest_limit(a->vertices, a->vertex_ratio, r->report->input_vertices);
+}
+
+void wh_run_limit_error(wh_run *r)
+{
+	r->max_err = INFINITY;
+	if (r->aim.error > 0)
+		r->max_err = r->aim.error;
+	if (r->aim.error_share > 0)
+		r->max_err = fmin(r->max_err, r->aim.error_share * r->report->diagonal);
 }
 
 static double larger_of(double a, double b)
@@ -114,15 +126,20 @@ double wh_run_share(const wh_run *r)
 	return share;
 }
 
-bool wh_run_copies(const wh_run *r)
+bool wh_run_is_no_smaller(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
+	return (t->target_faces && t->target_faces >= t->input_faces) ||
+	       (t->target_vertices && t->target_vertices >= t->input_vertices);
+}
+
+bool wh_run_copies(const wh_run *r)
+{
 	if (r->to != r->input.ply.kind)
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
-	return (t->target_faces && t->target_faces >= t->input_faces) ||
-	       (t->target_vertices && t->target_vertices >= t->input_vertices);
+	return wh_run_is_no_smaller(r);
 }
 
 /* Vertices that are left. */

@@ -8,6 +8,7 @@
  *     last.c     a result that fits: stitch, final pass, check, write
  *     output.c   the outputs: when they are opened, what they may replace
  *     share.c    runs that several processes share: what a part does, and how parts are joined
+ *     levels.c   several results: which one is next, what became of it
  *     resume.c   the folder of a run that can be resumed, and what is done of it
  *
  * Each stage keeps its time in the report and takes the memory that the budget leaves. What the
@@ -40,13 +41,17 @@ typedef struct wh_run {
 	wh_policy_choice policy; /* but for its unscale */
 	wh_input input;
 	bool input_open;
+	bool stitched; /* the patch holds the mesh */
 	wh_ingest_result ingest;
 	wh_cut_list cuts;  /* when seams are asked for; its fd is -1 when there is none */
 	wh_outfile *seams; /* NULL: they are not */
 	wh_store store;    /* what the mesh lies in now */
 	uint64_t faces;    /* of it */
 	uint32_t generations, recuts;
+	uint32_t recuts_begun; /* of the result at hand: cuts anew before it */
 	wh_patch patch;
+	size_t at;    /* the result to reach: a level, or, after all of them, the last */
+	wh_level aim; /* its limits */
 	double max_err;
 	double phase_start;
 	wh_exec_stats stats; /* of the phase so far, as are the next two */
@@ -64,7 +69,8 @@ typedef struct wh_run {
 	uint32_t shared;         /* steps gone through whose clusters were cut into parts */
 	bool joined;             /* this process has done a step */
 	_Atomic uint64_t digest; /* of the input */
-	bool replace_output, replace_seams; /* they are our own, of the time before */
+	/* outputs that are our own, of the time before */
+	bool replace_level[WH_LEVELS_MOST + 1], replace_seams;
 } wh_run;
 
 /* ---- run.c: what the stages share --------------------------------------------------------- */
@@ -81,10 +87,14 @@ wh_code wh_run_too_small(wh_run *r, const char *what, size_t need);
  * hold is an upper bound, and the account refuses what the ceiling really cannot bear. */
 wh_exec wh_run_workers(const wh_run *r, size_t each);
 
-/* Counts of faces and vertices to reach, into the report. */
+/* Counts of faces and vertices that the aim is to reach, into the report. */
 void wh_run_targets(wh_run *r);
+/* The distance that the aim allows. */
+void wh_run_limit_error(wh_run *r);
 /* Share of the faces there are now that the targets ask to keep; 0 when no count limits it. */
 double wh_run_share(const wh_run *r);
+/* True when the target is no smaller than the input. */
+bool wh_run_is_no_smaller(const wh_run *r);
 /* True when the input is the result: the target is no smaller, and text is not asked of binary. */
 bool wh_run_copies(const wh_run *r);
 /* Vertices that are left. */
@@ -123,6 +133,25 @@ wh_code wh_run_try_output(wh_run *r);
 wh_code wh_run_open_output(wh_run *r, wh_outfile **out);
 /* The output is whole: its name, its size, its checksum. */
 wh_code wh_run_commit(wh_run *r, wh_outfile **out);
+
+/* ---- levels.c ----------------------------------------------------------------------------- */
+
+/* How many results there are, the last included. */
+size_t wh_run_results(const wh_run *r);
+/* The limits and the output of result i. */
+wh_level wh_run_result(const wh_run *r, size_t i);
+static inline bool wh_run_is_last(const wh_run *r)
+{
+	return r->at == r->params->levels;
+}
+/* Result i is next. */
+void wh_run_aim(wh_run *r, size_t i);
+/* True for a level that is no smaller than the input, and will not be. */
+bool wh_run_leaves_out(wh_run *r);
+/* True when an earlier process has delivered the level that was reached. */
+bool wh_run_is_delivered(wh_run *r);
+/* The level is in its output, and will have its name once this is recorded. */
+void wh_run_note_level(wh_run *r, wh_step *step);
 
 /* ---- resume.c ----------------------------------------------------------------------------- */
 
@@ -213,6 +242,7 @@ wh_code wh_run_emit(wh_run *r, wh_outfile **out);
 
 wh_code wh_run_stitch(wh_run *r);
 wh_code wh_run_final_pass(wh_run *r);
+wh_code wh_run_order(wh_run *r);
 wh_code wh_run_check(wh_run *r);
 wh_code wh_run_write(wh_run *r, wh_outfile **out);
 

@@ -116,7 +116,7 @@ wh_code wh_run_settle(wh_run *r)
 {
 	const bool counted = wh_run_share(r) > 0;
 	for (int i = 0; i < MOST_SETTLINGS; i++) {
-		const bool near = r->recuts >= WH_PLAN_ROUNDS_BEFORE_SETTLING - 1;
+		const bool near = r->recuts >= r->recuts_begun + WH_PLAN_ROUNDS_BEFORE_SETTLING - 1;
 		if ((i > 0 || r->report->rounds > 0) && wh_run_recut(r, near) != WH_OK)
 			return r->c->err.code;
 		const uint64_t before = r->faces;

@@ -55,6 +55,35 @@ grep -q '1000 faces instead of 1001' out || fail "the missing face is not explai
 reduce in.ply -f -o c.ply --faces 1G
 cmp -s in.ply c.ply || fail "a target above the count did not copy"
 
+# ---- other methods ----
+for cost in memoryless qem qem-normals melax edge-length; do
+	reduce -q in.ply -f -o c.ply --faces 1K --cost $cost --weight angle --placement endpoint --report c.json -f
+	[ "$(count c.ply face)" -eq 1000 ] || fail "1000 faces with $cost"
+	grep -q "\"cost\": \"$cost\"" c.json || fail "the report does not say $cost"
+done
+refuse 2 'no cost' in.ply -o never.ply --faces 1K --cost cheap
+refuse 2 'no placement' in.ply -o never.ply --faces 1K --placement usual
+
+# ---- several levels ----
+reduce in.ply -o lod.ply --levels 1K,5K,200 --report lod.json
+for n in 5000 1000 200; do
+	[ "$(count lod-$n.ply face)" -eq $n ] || fail "a level of $n faces"
+done
+grep -q 'lod-5000.ply: 5000 faces' out || fail "the summary does not name the levels: $(cat out)"
+grep -q '"path": "lod-1000.ply"' lod.json || fail "the report does not name the levels"
+reduce in.ply -o 'l%f.obj.gz' --to obj --levels 10%,2.5%
+[ -s l10pct.obj.gz ] && [ -s l2.5pct.obj.gz ] || fail "names with a pattern: $(ls)"
+reduce in.ply -o e.ply --levels-error 0.1%,2%
+[ "$(count e-0.1pct.ply face)" -gt "$(count e-2pct.ply face)" ] || fail "levels by errors"
+refuse 2 'not a list' in.ply -o never.ply --levels 1K,,2K
+refuse 2 'not a list' in.ply -o never.ply --levels 1K,10%
+refuse 2 'not a list' in.ply -o never.ply --levels 1K,1000
+refuse 2 'not a list' in.ply -o never.ply --levels ''
+refuse 2 'instead of' in.ply -o never.ply --levels 1K,2K --faces 10
+refuse 2 'standard output' in.ply -o - --levels 1K,2K
+expect 2 "$WHITTLE" reduce in.ply -o lod.ply --levels 7K,1K
+[ ! -e lod-7000.ply ] || fail "a level was written before another one was refused"
+
 # ---- wrong usage: 2 ----
 refuse 2 'option' in.ply -o never.ply --faces 1K --nonsense
 refuse 2 'target' in.ply -o never.ply
