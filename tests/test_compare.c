@@ -108,43 +108,73 @@ static wh_mesh random_mesh(testing_env *t, uint32_t nf, double size, uint64_t se
 	return m;
 }
 
-static void tree_matches_brute_force(testing_env *t, const wh_mesh *m, int queries)
+/* A finished tree; `open`: with all pages. */
+static wh_bvh make_tree(testing_env *t, const wh_mesh *m, bool open)
 {
 	const wh_exec ex = {.workers = 2};
-	const wh_frame f = wh_frame_of_box(wh_v3(-4, -4, -4), wh_v3(4, 4, 4));
 	wh_bvh tree;
-	wh_rng g = wh_rng_seed(9);
-	assert_int_equal(wh_bvh_build(&t->ctx, &ex, m, &f, &tree), WH_OK);
-	uint32_t hint = WH_NONE;
-	for (int i = 0; i < queries; i++) {
-		const double spread = i % 3 == 0 ? 4 : 1;
-		const wh_vec3 p = wh_frame_local(&f, wh_scale(random_point(&g), spread));
-		double least = INFINITY;
-		for (uint32_t k = 0; k < m->nf; k++) {
-			const uint32_t *v = m->tri + 3 * (size_t)k;
-			least = fmin(least, wh_tri_dist2(p, wh_frame_local(&f, m->pos[v[0]]),
-			                                 wh_frame_local(&f, m->pos[v[1]]),
-			                                 wh_frame_local(&f, m->pos[v[2]])));
-		}
-		if (i % 7 == 0)
-			hint = WH_NONE;
-		const double d2 = wh_bvh_dist2(&tree, p, &hint);
-		assert_true(fabs(d2 - least) <= 1e-13 * least);
-		assert_true(hint < m->nf);
+	wh_vec3 lo, hi;
+	size_t n = 0;
+	wh_vec3 *points = wh_alloc(&t->ctx, WH_BVH_SAMPLE, sizeof *points);
+	assert_int_equal(wh_bvh_build(&t->ctx, &ex, m, &tree), WH_OK);
+	assert_int_equal(wh_bvh_sample(&t->ctx, &tree, points, &n), WH_OK);
+	wh_bvh_bounds(&tree, &lo, &hi);
+	const wh_frame f = wh_frame_of_points(points, n, lo, hi);
+	wh_free(&t->ctx, points);
+	assert_int_equal(wh_bvh_finish(&t->ctx, &tree, &f), WH_OK);
+	if (open)
+		assert_int_equal(wh_bvh_open_all(&t->ctx, &ex, &tree), WH_OK);
+	return tree;
+}
+
+static double brute_force(const wh_mesh *m, const wh_frame *f, wh_vec3 p)
+{
+	double least = INFINITY;
+	for (uint32_t k = 0; k < m->nf; k++) {
+		const uint32_t *v = m->tri + 3 * (size_t)k;
+		least = fmin(least, wh_tri_dist2(p, wh_frame_local(f, m->pos[v[0]]),
+		                                 wh_frame_local(f, m->pos[v[1]]),
+		                                 wh_frame_local(f, m->pos[v[2]])));
 	}
+	return least;
+}
+
+/* Rows of points, some close together and some at random, of which a few are far out. */
+static void tree_matches_brute_force(testing_env *t, const wh_mesh *m, int queries)
+{
+	wh_bvh tree = make_tree(t, m, queries % 2);
+	wh_bvh_reader reader;
+	wh_rng g = wh_rng_seed(9);
+	assert_int_equal(wh_bvh_reader_open(&t->ctx, &reader, &tree, 0, true), WH_OK);
+	wh_bvh_face near = {WH_NONE, 0};
+	wh_vec3 at = {0, 0, 0};
+	for (int i = 0; i < queries; i++) {
+		const double spread = i % 37 == 0 ? 1000 : i % 3 == 0 ? 4 : 1;
+		at = i / 50 % 2 ? wh_add(at, wh_scale(random_point(&g), 0.01))
+		                : wh_scale(random_point(&g), spread);
+		const wh_vec3 p = wh_frame_local(&tree.frame, at);
+		const double least = brute_force(m, &tree.frame, p);
+		double d2;
+		if (i % 70 == 0)
+			near.page = WH_NONE;
+		assert_int_equal(wh_bvh_nearest(&t->ctx, &reader, p, &near, &d2), WH_OK);
+		assert_true(fabs(d2 - least) <= 1e-12 * least);
+		assert_true(near.page < tree.pages && near.face < tree.entry[near.page].nf);
+	}
+	wh_bvh_reader_close(&t->ctx, &reader);
 	wh_bvh_free(&t->ctx, &tree);
 }
 
 static void tree_finds_the_nearest_of_random_triangles(void **state)
 {
 	(void)state;
-	static const uint32_t sizes[] = {1, 2, 7, 8, 9, 63, 64, 65, 500, 513, 3000};
+	static const uint32_t sizes[] = {1, 2, 7, 8, 9, 63, 64, 65, 512, 513, 5000};
 	testing_env t;
 	testing_init(&t);
 	for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
 		for (int k = 0; k < 2; k++) {
 			wh_mesh m = random_mesh(&t, sizes[i], k ? 0.02 : 0.7, i);
-			tree_matches_brute_force(&t, &m, 200);
+			tree_matches_brute_force(&t, &m, 200 + k);
 			wh_mesh_free(&t.ctx, &m);
 		}
 	}
@@ -164,26 +194,38 @@ static void tree_bears_coincident_triangles(void **state)
 	testing_done(&t);
 }
 
-/* Every face once, every referenced vertex once, boxes of parents around those of children. */
+/* Every face once, in pages whose boxes hold it; every referenced vertex is some page's own, once.
+ */
 static void tree_keeps_all_faces(void **state)
 {
 	(void)state;
 	testing_env t;
 	testing_init(&t);
-	const wh_exec ex = {.workers = 1};
 	wh_mesh m = random_mesh(&t, 5000, 0.1, 4);
-	const wh_frame f = wh_frame_of_box(wh_v3(-2, -2, -2), wh_v3(2, 2, 2));
-	wh_bvh tree;
-	assert_int_equal(wh_bvh_build(&t.ctx, &ex, &m, &f, &tree), WH_OK);
-	assert_int_equal(tree.mesh.nf, m.nf);
-	assert_int_equal(tree.mesh.nv, 3 * m.nf - 2 * (m.nf / 10));
+	wh_bvh tree = make_tree(&t, &m, false);
+	wh_bvh_reader reader;
+	uint32_t faces = 0, own = 0;
 	double sum[2] = {0, 0};
-	for (uint32_t i = 0; i < 3 * m.nf; i++) {
-		assert_true(tree.mesh.tri[i] < tree.mesh.nv);
-		sum[0] += wh_frame_local(&f, m.pos[m.tri[i]]).x;
-		sum[1] += tree.mesh.pos[tree.mesh.tri[i]].x;
+	assert_int_equal(wh_bvh_reader_open(&t.ctx, &reader, &tree, 0, true), WH_OK);
+	for (uint32_t i = 0; i < 3 * m.nf; i++)
+		sum[0] += wh_frame_local(&tree.frame, m.pos[m.tri[i]]).x;
+	for (uint32_t i = 0; i < tree.pages; i++) {
+		const wh_page *g = wh_bvh_page(&t.ctx, &reader, i);
+		assert_non_null(g);
+		for (uint32_t k = 0; k < 3 * g->nf; k++) {
+			const wh_vec3 p = g->pos[g->tri[k]];
+			sum[1] += p.x;
+			assert_true((double)tree.nodes[i / WH_BOXES].lo[1][i % WH_BOXES] <= p.y);
+			assert_true((double)tree.nodes[i / WH_BOXES].hi[1][i % WH_BOXES] >= p.y);
+		}
+		faces += g->nf;
+		own += tree.entry[i].own;
 	}
+	assert_int_equal(faces, m.nf);
+	assert_int_equal(own, 3 * m.nf - 2 * (m.nf / 10));
+	assert_int_equal(own, tree.vertices);
 	assert_true(fabs(sum[0] - sum[1]) < 1e-9);
+	wh_bvh_reader_close(&t.ctx, &reader);
 	wh_bvh_free(&t.ctx, &tree);
 	wh_mesh_free(&t.ctx, &m);
 	testing_done(&t);
@@ -309,7 +351,7 @@ static void distance_bears_offsets_and_units(void **state)
 	(void)state;
 	testing_env t;
 	testing_init(&t);
-	wh_mesh a = make_sheet(&t, 30, 0, 0.1), b = make_sheet(&t, 11, 0, 0.1);
+	wh_mesh a = make_sheet(&t, 32, 0, 0.1), b = make_sheet(&t, 8, 0, 0.1);
 	const wh_compare near_by = compare(&t, 1, &a, &b, 30000, 0);
 	wh_mesh *const both[] = {&a, &b};
 	for (int i = 0; i < 2; i++)
@@ -338,6 +380,102 @@ static void threads_leave_no_trace(void **state)
 	const wh_compare other = compare(&t, 1, &a, &b, 70000, 12);
 	assert_true(other.both.rms != one.both.rms);
 	near(other.both.rms, one.both.rms, 0.01 * one.both.rms);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* Pages that come and go leave none either: here each worker has room for two of 50. */
+static void memory_leaves_no_trace(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	const wh_exec ex = {.workers = 2};
+	wh_mesh a = make_sheet(&t, 120, 0, 0.1), b = make_sheet(&t, 115, 0, 0.1);
+	wh_compare_params p = {.samples = 20000};
+	wh_compare all, little;
+	assert_int_equal(wh_compare_meshes(&t.ctx, &ex, &a, &b, &p, &all), WH_OK);
+	p.memory = 2 << 20;
+	assert_int_equal(wh_compare_meshes(&t.ctx, &ex, &a, &b, &p, &little), WH_OK);
+	assert_memory_equal(&all, &little, sizeof all);
+	p.memory = 256 << 10;
+	assert_int_equal(wh_compare_meshes(&t.ctx, &ex, &a, &b, &p, &little), WH_E_PLAN);
+	assert_non_null(strstr(t.ctx.err.text, "--memory"));
+	t.ctx.err.code = WH_OK;
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* A vertex at 1e30: its faces are found to be there, all others where they are, and soon. */
+static void a_stray_vertex_spoils_nothing(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 100, 0, 0), b = make_sheet(&t, 50, 0.25, 0);
+	b.pos[1000] = wh_v3(1e30, 0, 0.25);
+	const wh_compare r = compare(&t, 2, &a, &b, 50000, 0);
+	near(r.a_to_b.mean, 0.25, 1e-9);
+	near(r.a_to_b.max, 0.25, 1e-9);
+	near(r.b_to_a.max / 1e30, 1, 1e-9);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* All samples are in it, those of the largest distance in the last bin; bins are a quarter of an
+ * octave. */
+static void the_histogram_ends_at_the_maximum(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 30, 0.7, 0.3), b = make_sheet(&t, 31, 0, 0);
+	const wh_compare r = compare(&t, 2, &a, &b, 30000, 0);
+	const wh_histogram *h = &r.a_to_b.histogram;
+	uint64_t sum = 0;
+	for (int i = 0; i < WH_HISTOGRAM; i++)
+		sum += h->count[i];
+	assert_int_equal(sum, 30000);
+	assert_true(h->count[WH_HISTOGRAM - 1] > 0);
+	assert_true(h->end[WH_HISTOGRAM - 1] == 1.25 || h->end[WH_HISTOGRAM - 1] == 1);
+	assert_true(h->end[WH_HISTOGRAM - 5] * 2 == h->end[WH_HISTOGRAM - 1]);
+	for (int i = 0; i < WH_HISTOGRAM; i++) /* no distance is below 0.4 */
+		assert_true(h->count[i] == 0 || h->end[i] > 0.4);
+	wh_mesh_free(&t.ctx, &b);
+	wh_mesh_free(&t.ctx, &a);
+	testing_done(&t);
+}
+
+/* The regions have all faces and samples, and know where the second mesh is farther. */
+static void regions_tell_where(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh a = make_sheet(&t, 64, 0, 0), b = make_sheet(&t, 64, 0, 0);
+	for (uint32_t v = 0; v < b.nv; v++)
+		b.pos[v].z = b.pos[v].x > 0.5 ? 0.125 * (b.pos[v].x - 0.5) : 0;
+	const wh_compare r = compare(&t, 2, &a, &b, 50000, 0);
+	uint64_t faces = 0, samples = 0;
+	double area = 0, worst = 0, best = 1;
+	assert_int_equal(r.regions, 2 * 64 * 64 / 512);
+	for (uint32_t i = 0; i < r.regions; i++) {
+		const wh_compare_region *g = &r.region[i];
+		faces += g->faces;
+		samples += g->a_to_b.samples + g->b_to_a.samples;
+		area += g->area;
+		worst = fmax(worst, g->a_to_b.max);
+		best = fmin(best, g->a_to_b.max);
+		assert_true(g->hi.x <= 0.5 ? g->a_to_b.max == 0 : g->b_to_a.rms > 0);
+	}
+	assert_int_equal(faces, a.nf);
+	assert_int_equal(samples, 100000);
+	near(area, 1, 1e-12);
+	near(worst, r.a_to_b.max, 0);
+	near(best, 0, 0);
 	wh_mesh_free(&t.ctx, &b);
 	wh_mesh_free(&t.ctx, &a);
 	testing_done(&t);
@@ -553,6 +691,10 @@ int main(void)
 	    cmocka_unit_test(unused_vertices_do_not_count),
 	    cmocka_unit_test(distance_bears_offsets_and_units),
 	    cmocka_unit_test(threads_leave_no_trace),
+	    cmocka_unit_test(memory_leaves_no_trace),
+	    cmocka_unit_test(a_stray_vertex_spoils_nothing),
+	    cmocka_unit_test(the_histogram_ends_at_the_maximum),
+	    cmocka_unit_test(regions_tell_where),
 	    cmocka_unit_test(surface_without_area_has_vertices_only),
 	    cmocka_unit_test(normals_deviate_by_the_slope),
 	    cmocka_unit_test(degenerate_faces_have_no_normal),

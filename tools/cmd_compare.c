@@ -2,9 +2,9 @@
 #include "cmd.h"
 #include "compare_seams.h"
 
-#include "algo/compare.h"
-#include "pipeline/normalise.h"
-#include "pipeline/points.h"
+#include "progress_bar.h"
+
+#include "pipeline/measure.h"
 
 #include <getopt.h>
 #include <inttypes.h>
@@ -14,10 +14,10 @@
 
 typedef struct options {
 	const char *path[2];
-	const char *seams, *reference;
+	const char *seams, *reference, *temp_dir;
 	wh_format from;
-	bool json;
-	int64_t samples, seed, threads;
+	bool json, quiet;
+	int64_t samples, seed, threads, memory;
 } options;
 
 typedef struct results {
@@ -28,8 +28,9 @@ typedef struct results {
 static void print_help(void)
 {
 	(void)printf(
-	    "usage: whittle compare A B [--json] [--samples N] [--seed N] [--threads N]\n"
-	    "                            [--seams FILE [--reference C]]\n\n"
+	    "usage: whittle compare A B [--json] [--samples N] [--seed N] [--memory SIZE]\n"
+	    "                       [--threads N] [--temp-dir DIR] [--seams FILE [--reference "
+	    "C]]\n\n"
 	    "Measures how far A and B are from each other: from points of A to the nearest point\n"
 	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
 	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
@@ -37,11 +38,17 @@ static void print_help(void)
 	    "the angle between a point's face and the nearest face of the other mesh. Colours,\n"
 	    "where both meshes have them: how far red, green and blue of a point and of the\n"
 	    "nearest one are apart (root mean square of the three, 0 to 255).\n\n"
-	    "  --json       print JSON instead of a table\n"
-	    "  --samples N  points a side (default: 1M, or the faces of the larger mesh if more)\n"
-	    "  --seed N     other points (default 0)\n"
-	    "  --from F     all files are ply, obj, off or stl, whatever they look like\n"
-	    "  --threads N  0, the default: all; the figures do not depend on it\n\n"
+	    "  --json          print JSON instead of a table; it has a histogram as well\n"
+	    "  --samples N     points a side (default: 1M, or the larger mesh's faces if more)\n"
+	    "  --seed N        other points (default 0)\n"
+	    "  --memory SIZE   ceiling of the process: 512M, 4G, K = 1024 (default: half of the\n"
+	    "                  machine's, its control group's or the job's); the figures do not\n"
+	    "                  depend on it\n"
+	    "  --temp-dir DIR  for 35 bytes a face and more (default: $SLURM_TMPDIR, $TMPDIR,\n"
+	    "                  /tmp)\n"
+	    "  --from F        all files are ply, obj, off or stl, whatever they look like\n"
+	    "  --threads N     0, the default: all; the figures do not depend on it\n"
+	    "  --no-progress   do not tell how far it is\n\n"
 	    "Do the cuts between clusters show in B, a reduced A? Its faces within three of\n"
 	    "those nearest to the points of FILE are a band, beside the rest, the interior:\n\n"
 	    "  --seams FILE   points along the cuts, as reduce --seams FILE writes them\n"
@@ -70,6 +77,16 @@ static int parse_option(const char *name, int opt, options *o)
 		if (o->samples < 1)
 			return cmd_usage_error(name, "--samples must be 1 at least");
 		return WH_OK;
+	case 'm':
+		return cmd_parse_count(optarg, true, &o->memory) && o->memory >= 1 << 20
+		           ? WH_OK
+		           : cmd_usage_error(name, "\"%s\" is no size of 1M or more", optarg);
+	case 'd':
+		o->temp_dir = optarg;
+		return WH_OK;
+	case 'p':
+		o->quiet = true;
+		return WH_OK;
 	case 's':
 		o->seams = optarg;
 		return WH_OK;
@@ -97,15 +114,13 @@ static int parse_option(const char *name, int opt, options *o)
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
-	                                      {"samples", required_argument, NULL, 'n'},
-	                                      {"seed", required_argument, NULL, 'r'},
-	                                      {"threads", required_argument, NULL, 't'},
-	                                      {"seams", required_argument, NULL, 's'},
-	                                      {"reference", required_argument, NULL, 'c'},
-	                                      {"from", required_argument, NULL, 'f'},
-	                                      {"help", no_argument, NULL, 'h'},
-	                                      {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {
+	    {"json", no_argument, NULL, 'j'},           {"samples", required_argument, NULL, 'n'},
+	    {"seed", required_argument, NULL, 'r'},     {"threads", required_argument, NULL, 't'},
+	    {"seams", required_argument, NULL, 's'},    {"reference", required_argument, NULL, 'c'},
+	    {"from", required_argument, NULL, 'f'},     {"memory", required_argument, NULL, 'm'},
+	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
+	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		if (opt == 'h') {
@@ -125,43 +140,23 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	return WH_OK;
 }
 
-static wh_code load(cmd_env *e, const char *path, wh_format from, wh_mesh *m)
-{
-	wh_spill spill;
-	if (wh_spill_open(&e->ctx, &spill, NULL, "/tmp") != WH_OK)
-		return e->ctx.err.code;
-	const wh_code code = wh_load_coloured(&e->ctx, &e->exec, &spill, path, from, m);
-	wh_spill_close(&e->ctx, &spill);
-	return code;
-}
-
-/* Measures a against the mesh of a file. */
-static wh_code compare_with(cmd_env *e, const wh_mesh *a, const char *path, wh_format from,
-                            const wh_compare_params *p, wh_compare *r)
-{
-	wh_mesh b = {0};
-	wh_code code = load(e, path, from, &b);
-	if (code == WH_OK)
-		code = wh_compare_meshes(&e->ctx, &e->exec, a, &b, p, r);
-	wh_mesh_free(&e->ctx, &b);
-	return code;
-}
-
 static wh_code compare_files(cmd_env *e, const options *o, results *r)
 {
-	wh_vec3 *cuts = NULL;
-	wh_compare_params p = {.samples = (uint64_t)o->samples, .seed = (uint64_t)o->seed};
-	wh_mesh a = {0};
-	wh_code code = o->seams ? wh_load_points(&e->ctx, o->seams, &cuts, &p.ncuts) : WH_OK;
-	p.cuts = cuts;
-	if (code == WH_OK)
-		code = load(e, o->path[0], o->from, &a);
-	if (code == WH_OK)
-		code = compare_with(e, &a, o->path[1], o->from, &p, &r->b);
-	if (code == WH_OK && o->reference)
-		code = compare_with(e, &a, o->reference, o->from, &p, &r->reference);
-	wh_mesh_free(&e->ctx, &a);
-	wh_free(&e->ctx, cuts);
+	progress_bar bar;
+	progress_bar_init(&bar, !o->quiet);
+	const wh_measure_params p = {.a = o->path[0],
+	                             .b = o->path[1],
+	                             .reference = o->reference,
+	                             .seams = o->seams,
+	                             .from = o->from,
+	                             .samples = (uint64_t)o->samples,
+	                             .seed = (uint64_t)o->seed,
+	                             .temp_dir = o->temp_dir,
+	                             .memory = (size_t)o->memory,
+	                             .progress = progress_bar_tell,
+	                             .progress_user = &bar};
+	const wh_code code = wh_measure_files(&e->ctx, &e->exec, &p, &r->b, &r->reference);
+	progress_bar_end(&bar);
 	return code;
 }
 
@@ -193,11 +188,13 @@ static double millionths(double x, double diagonal)
 	return diagonal > 0 ? x / diagonal * 1e6 : 0;
 }
 
+static const double MOST_DIGITS = 1e7; /* larger numbers have no room in a column */
+
 static void print_row(const char *text, const double x[3], const char *format)
 {
 	(void)printf("%-26s", text);
 	for (int i = 0; i < 3; i++)
-		(void)printf(format, x[i]);
+		(void)printf(x[i] < MOST_DIGITS ? format : "%14.6g", x[i]);
 	(void)printf("\n");
 }
 
@@ -281,6 +278,19 @@ static json_t *json_colours(const wh_distance *d)
 	return j;
 }
 
+/* {"end": [upper ends of the bins], "count": [samples in them]} */
+static json_t *json_histogram(const wh_histogram *h)
+{
+	json_t *j = json_object(), *end = json_array(), *count = json_array();
+	for (int i = 0; i < WH_HISTOGRAM; i++) {
+		(void)json_array_append_new(end, json_real(h->end[i]));
+		(void)json_array_append_new(count, json_integer((json_int_t)h->count[i]));
+	}
+	(void)json_object_set_new(j, "end", end);
+	(void)json_object_set_new(j, "count", count);
+	return j;
+}
+
 static json_t *json_side(const wh_distance *d, double diagonal)
 {
 	json_t *j = json_figures(d, 1);
@@ -291,6 +301,7 @@ static json_t *json_side(const wh_distance *d, double diagonal)
 		(void)json_object_set_new(j, "colour", json_colours(d));
 	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
 	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
+	(void)json_object_set_new(j, "histogram", json_histogram(&d->histogram));
 	return j;
 }
 
@@ -337,7 +348,7 @@ int cmd_compare(int argc, char **argv)
 	if (usage != WH_OK || done)
 		return usage;
 	cmd_env e;
-	results r;
+	results r = {0};
 	cmd_env_init(&e, argv[0]);
 	e.exec.workers = wh_exec_threads((int)o.threads);
 	if (compare_files(&e, &o, &r) != WH_OK)

@@ -57,7 +57,8 @@ static inline double wh_tri_dist2(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c)
 	const double d_ab = wh_segment_dist2(pa, ab);
 	const double d_bc = wh_segment_dist2(pb, bc);
 	const double d_ca = wh_segment_dist2(pc, ca);
-	return fmin(d_ab, fmin(d_bc, d_ca));
+	const double least = d_bc < d_ca ? d_bc : d_ca;
+	return d_ab < least ? d_ab : least;
 }
 
 /*

@@ -23,7 +23,7 @@ static const double FLAT = 0.5;                      /* height over width of wha
 static const wh_view THREE_QUARTERS = {30, 16}, FROM_ABOVE = {30, 38};
 static const double POINT_SHARE = 0.3; /* of the picture's area for a cloud's points */
 
-static size_t budget(const wh_draw *d)
+size_t wh_draw_budget(const wh_draw *d)
 {
 	const size_t used = atomic_load(&d->c->mem->used) + BASE_BYTES;
 	return d->memory > used ? d->memory - used : 0;
@@ -56,8 +56,10 @@ static wh_code open_file(wh_draw *d, int i)
 	wh_draw_file *f = &d->file[i];
 	const char *path = d->p->paths[i];
 	wh_exec ex = *d->ex;
-	if ((size_t)ex.workers > budget(d) / REWRITE_BYTES)
-		ex.workers = budget(d) < REWRITE_BYTES ? 1 : (int)(budget(d) / REWRITE_BYTES);
+	if ((size_t)ex.workers > wh_draw_budget(d) / REWRITE_BYTES)
+		ex.workers = wh_draw_budget(d) < REWRITE_BYTES
+		                 ? 1
+		                 : (int)(wh_draw_budget(d) / REWRITE_BYTES);
 	const wh_wanted wanted = {"all", d->p->colours ? WH_HOLDS_COLOUR : 0};
 	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, wanted,
 	                      &f->input) != WH_OK)
@@ -106,7 +108,7 @@ static void close_files(wh_draw *d)
 static wh_exec fit_workers(const wh_draw *d, const wh_source *s)
 {
 	wh_exec ex = *d->ex;
-	while (ex.workers > 1 && wh_fit_bytes(s, &ex) > budget(d))
+	while (ex.workers > 1 && wh_fit_bytes(s, &ex) > wh_draw_budget(d))
 		ex.workers /= 2;
 	return ex;
 }
@@ -191,7 +193,7 @@ static uint32_t rows_in(const wh_draw *d, size_t bytes)
  * of the room, else as many as half of it holds. */
 static wh_code share_memory(const wh_draw *d, wh_exec *ex, wh_scene_params *s, uint32_t *rows)
 {
-	const size_t all = budget(d), room = all > SPARE_BYTES ? all - SPARE_BYTES : 0;
+	const size_t all = wh_draw_budget(d), room = all > SPARE_BYTES ? all - SPARE_BYTES : 0;
 	const size_t each = sizeof(wh_spot) + sizeof(wh_normal_sum);
 	s->window = d->p->window;
 	while (ex->workers > 1 && (size_t)ex->workers * WH_DRAW_WORKER_BYTES > room / 4)
@@ -302,7 +304,7 @@ static wh_code reserve_pixels(wh_draw *d)
 		return wh_fail(d->c, WH_E_USAGE,
 		               "the picture would have %u x %u pixels; %d a side are the most",
 		               d->sheet.w, d->sheet.h, WH_PICTURE_SIDE_MOST);
-	if (all > budget(d))
+	if (all > wh_draw_budget(d))
 		return too_small(d, "the picture", all + rows_bytes(d, 1) + SPARE_BYTES);
 	d->sheet.rgba = wh_alloc(d->c, sheet, 1);
 	for (int i = 0; i < d->p->ncells; i++) {

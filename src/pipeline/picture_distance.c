@@ -4,18 +4,21 @@
  * its error inside of it and not that of its corners. Their precision is that of a sample's depth,
  * some 10^-7 of the mesh's size.
  */
-#include "mesh/bvh.h"
 #include "pipeline/picture_parts.h"
+#include "pipeline/surface.h"
 
 #include <string.h>
 
 static const double BEYOND = 0.005;     /* share of the pixels that may be beyond the last colour */
 static const double RANGE_LEAST = 1e-6; /* of the diagonal: what precision allows */
 
+/* Pages that a worker keeps, at least, where they do not all fit. */
+enum { SLOTS = 16 };
+
 typedef struct measuring {
 	wh_draw *d;
 	const wh_bvh *tree;
-	const wh_frame *frame;
+	wh_bvh_reader *reader; /* one a worker */
 	wh_draw_cell *cell;
 } measuring;
 
@@ -26,71 +29,98 @@ static wh_vec3 place_of(const wh_draw *d, const wh_draw_cell *cell, uint32_t x, 
 	return wh_camera_unproject(&cell->camera, wh_render_point(w, h, d->p->samples, x, y, p));
 }
 
-/* The box around the other mesh and all that is seen. */
-static wh_box box_of_all(const wh_draw *d, const wh_mesh *m)
-{
-	wh_box b = wh_fit_none().box;
-	for (size_t i = 0; i < 3 * (size_t)m->nf; i++) {
-		b.lo = wh_lower(b.lo, m->pos[m->tri[i]]);
-		b.hi = wh_upper(b.hi, m->pos[m->tri[i]]);
-	}
-	for (int i = 0; i < d->p->ncells; i++)
-		for (uint32_t y = 0; y < d->p->height; y++)
-			for (uint32_t x = 0; x < d->p->width; x++) {
-				const wh_draw_cell *cell = &d->cell[i];
-				if (!cell->pixels[(size_t)y * d->p->width + x].covered)
-					continue;
-				const wh_vec3 at = place_of(d, cell, x, y);
-				b.lo = wh_lower(b.lo, at);
-				b.hi = wh_upper(b.hi, at);
-			}
-	return b;
-}
-
 static wh_code measure_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const measuring *s = arg;
+	const wh_frame *frame = &s->tree->frame;
 	const uint32_t w = s->d->p->width, y = (uint32_t)index;
 	float *out = s->cell->distance + (size_t)y * w;
-	uint32_t hint = WH_NONE;
-	(void)c;
-	(void)worker;
+	wh_bvh_face near = {WH_NONE, 0};
 	for (uint32_t x = 0; x < w; x++) {
+		double d2;
 		out[x] = 0;
 		if (!s->cell->pixels[(size_t)y * w + x].covered)
 			continue;
-		const wh_vec3 p = wh_frame_local(s->frame, place_of(s->d, s->cell, x, y));
-		out[x] = (float)(sqrt(wh_bvh_dist2(s->tree, p, &hint)) / s->frame->scale);
+		const wh_vec3 p = wh_frame_local(frame, place_of(s->d, s->cell, x, y));
+		if (wh_bvh_nearest(c, &s->reader[worker], p, &near, &d2) != WH_OK)
+			return c->err.code;
+		out[x] = (float)(sqrt(d2) / frame->scale);
 	}
 	wh_progress_add(&s->d->progress, w);
 	return WH_OK;
 }
 
-static wh_code measure_cells(wh_draw *d, const wh_bvh *tree, const wh_frame *frame)
+static wh_code measure_cells(wh_draw *d, const wh_exec *ex, const wh_bvh *tree,
+                             wh_bvh_reader *reader)
 {
 	const uint32_t h = d->p->height;
 	const size_t pixels = (size_t)d->p->width * h;
 	wh_code code = WH_OK;
 	wh_progress_phase(&d->progress, "distance", pixels * (uint64_t)d->p->ncells);
 	for (int i = 0; code == WH_OK && i < d->p->ncells; i++) {
-		measuring s = {d, tree, frame, &d->cell[i]};
-		s.cell->distance = wh_alloc(d->c, pixels, sizeof *s.cell->distance);
-		code = s.cell->distance ? wh_exec_for(d->c, d->ex, h, measure_job, &s)
-		                        : d->c->err.code;
+		measuring s = {d, tree, reader, &d->cell[i]};
+		code = wh_exec_for(d->c, ex, h, measure_job, &s);
 	}
 	return code;
 }
 
-static wh_code measure_from(wh_draw *d, const wh_mesh *m)
+static wh_code make_tree(wh_draw *d, wh_bvh *t)
 {
-	wh_bvh tree = {0};
-	const wh_box all = box_of_all(d, m);
-	const wh_frame frame = wh_frame_of_box(all.lo, all.hi);
-	wh_code code = wh_bvh_build(d->c, d->ex, m, &frame, &tree);
-	if (code == WH_OK)
-		code = measure_cells(d, &tree, &frame);
-	wh_bvh_free(d->c, &tree);
+	wh_vec3 *points = wh_alloc(d->c, WH_BVH_SAMPLE, sizeof *points), lo, hi;
+	size_t n = 0;
+	wh_code code = points ? wh_bvh_sample(d->c, t, points, &n) : d->c->err.code;
+	if (code == WH_OK) {
+		wh_bvh_bounds(t, &lo, &hi);
+		const wh_frame f = wh_frame_of_points(points, n, lo, hi);
+		code = wh_bvh_finish(d->c, t, &f);
+	}
+	wh_free(d->c, points);
 	return code;
+}
+
+/* Readers that make the most of what is left, one for each worker of *ex. */
+static wh_code open_readers(wh_draw *d, wh_bvh *t, wh_exec *ex, wh_bvh_reader **reader)
+{
+	const size_t each = wh_bvh_reader_bytes(t), slot = wh_bvh_slot_bytes(t),
+	             left = wh_draw_budget(d);
+	const size_t fit = left / (each + SLOTS * slot);
+	uint32_t slots = 0;
+	wh_code code = WH_OK;
+	if (wh_bvh_open_bytes(t) + each * (size_t)ex->workers <= left) {
+		code = wh_bvh_open_all(d->c, ex, t);
+	} else {
+		ex->workers = (size_t)ex->workers > fit ? (int)fit : ex->workers;
+		ex->workers = ex->workers < 1 ? 1 : ex->workers;
+		const size_t share = left / (size_t)ex->workers;
+		slots = share > each ? (uint32_t)((share - each) / slot) : SLOTS;
+	}
+	*reader = wh_calloc(d->c, (size_t)ex->workers, sizeof **reader);
+	for (int i = 0; *reader && code == WH_OK && i < ex->workers; i++)
+		code = wh_bvh_reader_open(d->c, &(*reader)[i], t, slots, true);
+	return d->c->err.code;
+}
+
+static wh_code measure_from(wh_draw *d, wh_bvh *t)
+{
+	wh_exec ex = *d->ex;
+	wh_bvh_reader *reader = NULL;
+	wh_code code = make_tree(d, t);
+	if (code == WH_OK)
+		code = open_readers(d, t, &ex, &reader);
+	if (code == WH_OK)
+		code = measure_cells(d, &ex, t, reader);
+	for (int i = 0; reader && i < ex.workers; i++)
+		wh_bvh_reader_close(d->c, &reader[i]);
+	wh_free(d->c, reader);
+	return code;
+}
+
+static wh_code make_room_for_distances(wh_draw *d)
+{
+	const size_t pixels = (size_t)d->p->width * d->p->height;
+	for (int i = 0; d->c->err.code == WH_OK && i < d->p->ncells; i++)
+		d->cell[i].distance = wh_alloc(d->c, pixels, sizeof *d->cell[i].distance);
+	return d->c->err.code;
 }
 
 /* ---- range ---------------------------------------------------------------------------------- */
@@ -156,13 +186,16 @@ static double suitable_range(const wh_draw *d, double most)
 
 wh_code wh_draw_distances(wh_draw *d)
 {
-	wh_mesh m = {0};
-	wh_progress_phase(&d->progress, "distance", 1);
-	wh_code code =
-	    wh_load_mesh(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY, &m, NULL, NULL);
+	wh_surface s = {.fd = -1};
+	wh_code code = make_room_for_distances(d);
+	if (code == WH_OK) {
+		const wh_surface_params p = {.path = d->p->distance_to,
+		                             .budget = wh_draw_budget(d)};
+		code = wh_surface_open(d->c, d->ex, &d->spill, &d->progress, &p, d->memory, &s);
+	}
 	if (code == WH_OK)
-		code = measure_from(d, &m);
-	wh_mesh_free(d->c, &m);
+		code = measure_from(d, &s.tree);
+	wh_surface_close(d->c, &s);
 	if (code != WH_OK)
 		return code;
 	const double most = find_most(d);

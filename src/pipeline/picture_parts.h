@@ -41,6 +41,9 @@ typedef struct wh_draw {
 	uint32_t legend;    /* pixels below all of them */
 } wh_draw;
 
+/* Bytes that are left of the ceiling. */
+size_t wh_draw_budget(const wh_draw *d);
+
 /* Columns, lines, and the size of the sheet, from the parameters alone. */
 void wh_draw_lay_out(wh_draw *d);
 

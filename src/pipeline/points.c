@@ -2,45 +2,65 @@
 
 enum { CHUNK = 1 << 16 }; /* vertices read at a time */
 
-static wh_code read_all(wh_ctx *c, const wh_source *s, wh_vec3 *points)
+wh_code wh_points_open(wh_ctx *c, const char *path, wh_points *p)
 {
-	void *raw = wh_alloc(c, wh_source_vertex_bytes(s, CHUNK), 1);
-	wh_code code = c->err.code;
-	for (uint64_t at = 0; code == WH_OK && at < s->nv; at += CHUNK) {
-		const size_t n = s->nv - at < CHUNK ? (size_t)(s->nv - at) : CHUNK;
-		code = wh_source_vertices(c, s, at, n, &points[at].x, raw);
+	*p = (wh_points){0};
+	if (wh_ply_open(c, &p->file, path) != WH_OK)
+		return c->err.code;
+	const wh_ply *f = &p->file;
+	if (f->format == WH_PLY_ASCII || f->vertex != 0 || f->elems[0].stride == 0) {
+		(void)wh_fail(c, WH_E_INPUT,
+		              "'%s' is no binary PLY of points, such as reduce --seams writes",
+		              f->path);
+		wh_points_close(c, p);
+		return c->err.code;
 	}
+	wh_ply_vertex_source(f, f->body, &p->source);
+	p->n = p->source.nv;
+	return WH_OK;
+}
+
+void wh_points_close(wh_ctx *c, wh_points *p)
+{
+	if (p->file.path)
+		wh_ply_close(c, &p->file);
+	*p = (wh_points){0};
+}
+
+wh_code wh_points_get(wh_ctx *c, void *user, uint64_t first, size_t n, wh_vec3 *points)
+{
+	const wh_points *p = user;
+	void *raw = wh_alloc(c, wh_source_vertex_bytes(&p->source, n), 1);
+	const wh_code code =
+	    raw ? wh_source_vertices(c, &p->source, first, n, &points->x, raw) : c->err.code;
 	wh_free(c, raw);
 	return code;
 }
 
-static wh_code load(wh_ctx *c, const wh_ply *p, wh_vec3 **points, uint64_t *n)
+static wh_code read_all(wh_ctx *c, wh_points *p, wh_vec3 *points)
 {
-	wh_source s = {0};
-	if (p->format == WH_PLY_ASCII || p->vertex != 0 || p->elems[0].stride == 0)
-		return wh_fail(c, WH_E_INPUT,
-		               "'%s' is no binary PLY of points, such as reduce --seams writes",
-		               p->path);
-	wh_ply_vertex_source(p, p->body, &s);
-	*points = wh_alloc(c, (size_t)s.nv, sizeof **points);
-	if (!*points)
-		return c->err.code;
-	*n = s.nv;
-	return read_all(c, &s, *points);
+	wh_code code = c->err.code;
+	for (uint64_t at = 0; code == WH_OK && at < p->n; at += CHUNK) {
+		const size_t n = p->n - at < CHUNK ? (size_t)(p->n - at) : CHUNK;
+		code = wh_points_get(c, p, at, n, points + at);
+	}
+	return code;
 }
 
 wh_code wh_load_points(wh_ctx *c, const char *path, wh_vec3 **points, uint64_t *n)
 {
-	wh_ply p;
+	wh_points p;
 	*points = NULL;
 	*n = 0;
-	if (wh_ply_open(c, &p, path) != WH_OK)
+	if (wh_points_open(c, path, &p) != WH_OK)
 		return c->err.code;
-	const wh_code code = load(c, &p, points, n);
-	wh_ply_close(c, &p);
-	if (code != WH_OK) {
+	*points = wh_alloc(c, (size_t)p.n, sizeof **points);
+	if (*points && read_all(c, &p, *points) == WH_OK) {
+		*n = p.n;
+	} else {
 		wh_free(c, *points);
 		*points = NULL;
 	}
-	return code;
+	wh_points_close(c, &p);
+	return c->err.code;
 }

@@ -5,11 +5,23 @@
 #include "geom/vec3.h"
 #include "io/ply.h"
 
-/*
- * Reads all positions into *points (wh_free); there may be none. WH_E_INPUT for a file that is no
- * binary PLY, whose vertices do not come first or are not of a fixed size, or with a position that
- * is not finite. On failure *points is NULL.
- */
+typedef struct wh_points {
+	wh_ply file;
+	wh_source source;
+	uint64_t n; /* there may be none */
+} wh_points;
+
+/* Opens the file. WH_E_INPUT for one that is no binary PLY, or whose vertices do not come first or
+ * are not of a fixed size. Close it unless that fails; zero-initialised, it may be closed, too. */
+wh_code wh_points_open(wh_ctx *c, const char *path, wh_points *p);
+void wh_points_close(wh_ctx *c, wh_points *p);
+
+/* Reads points first .. first+n-1 of the wh_points `user`. WH_E_INPUT for a position that is not
+ * finite. Thread-safe. */
+wh_code wh_points_get(wh_ctx *c, void *user, uint64_t first, size_t n, wh_vec3 *points);
+
+/* Reads all of a file into *points (wh_free). Failures are those of the above; then *points is
+ * NULL. */
 wh_code wh_load_points(wh_ctx *c, const char *path, wh_vec3 **points, uint64_t *n);
 
 #endif

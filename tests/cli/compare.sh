@@ -39,6 +39,34 @@ cmp -s out.1 out.2 && cmp -s out.1 out.3 || fail "threads changed the figures"
 expect 0 "$WHITTLE" compare a.ply b.ply --json --samples 50K --seed 1
 cmp -s out.1 out && fail "the seed changed nothing"
 
+# neither does the ceiling, far below what the mesh takes, nor the order of the file
+mkdir temp
+"$WHITTLE" generate -q -o large.ply --faces 400K || fail "generate"
+for memory in 24M 1G; do
+	expect 0 "$WHITTLE" compare large.ply b.ply --json --samples 20K --memory $memory --temp-dir temp
+	mv out out.$memory
+	expect 0 "$WHITTLE" compare b.ply large.ply --json --samples 20K --memory $memory --temp-dir temp
+	mv out back.$memory
+done
+cmp -s out.24M out.1G && cmp -s back.24M back.1G || fail "the ceiling changed the figures"
+[ -z "$(ls temp)" ] || fail "temporary files are left: $(ls temp)"
+expect 5 "$WHITTLE" compare large.ply b.ply --memory 14M
+grep -q 'use --memory' err || fail "no size that would do is named"
+expect 5 "$WHITTLE" compare b.ply large.ply --memory 14M
+expect 1 "$WHITTLE" compare a.ply b.ply --temp-dir nowhere
+grep -A1 '"histogram": {' out.1G | grep -q '"end": \[' || fail "no histogram"
+
+# a stray vertex: it is found, and all else is measured as before, at once
+{
+	printf 'ply\nformat ascii 1.0\nelement vertex 5\n'
+	printf 'property float x\nproperty float y\nproperty float z\n'
+	printf 'element face 3\nproperty list uchar int vertex_indices\nend_header\n'
+	printf '0 0 0\n3 0 0\n3 4 0\n0 4 0\n1e30 1e30 0\n3 0 1 2\n3 0 2 3\n3 1 2 4\n'
+} >stray.ply
+expect 0 "$WHITTLE" compare high.ply stray.ply --samples 10K
+grep -q '^  max  *0.5  *1.41421e+30 ' out && grep -q '^  mean  *0.5 ' out ||
+	fail "a stray vertex spoils the rest: $(cat out)"
+
 # the band along the cuts; beside a result that was never cut there is little to see
 "$WHITTLE" reduce -q a.ply -o cut.ply --faces 10% --cluster-faces 2K --seams seams.ply || fail "reduce"
 "$WHITTLE" reduce -q a.ply -o whole.ply --faces 10% --cluster-faces 0 --micro-faces 0 --seams none.ply ||
@@ -74,6 +102,8 @@ expect 2 "$WHITTLE" compare a.ply b.ply --samples 0
 expect 2 "$WHITTLE" compare a.ply b.ply --samples many
 expect 2 "$WHITTLE" compare a.ply b.ply --seed
 expect 2 "$WHITTLE" compare a.ply b.ply --nonsense
+expect 2 "$WHITTLE" compare a.ply b.ply --memory 0
+expect 2 "$WHITTLE" compare a.ply b.ply --memory lots
 expect 0 "$WHITTLE" compare --help
 expect 3 "$WHITTLE" compare a.ply missing.ply
 grep -q 'missing.ply' err || fail "a missing file is not named"
