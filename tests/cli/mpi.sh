@@ -54,7 +54,7 @@ for ((i = 0; i < 3000; i++)); do
 	sleep 0.01
 done
 for victim in $(pgrep -f "reduce in.ply .*--run-dir $dir/run"); do
-	if read -r name <"/proc/$victim/comm" && [ "$name" = whittle ]; then
+	if read -r name <"/proc/$victim/comm" && [ "$name" = "$(basename "$WHITTLE")" ]; then
 		kill -9 "$victim"
 		break
 	fi

@@ -1,6 +1,12 @@
 # whittle plan --run-dir and whittle stage: the bytes of a plain run, whatever the parts, their order
 # and their accidents; and the words when something is missing.
 . "$(dirname "$0")/lib.sh"
+mounted=
+cleanup() {
+	[ -z "$mounted" ] || umount "$mounted"
+	rm -rf "$dir"
+}
+trap cleanup EXIT
 mkdir temp
 export TMPDIR=$dir/temp
 faces=100K
@@ -156,6 +162,44 @@ cmp plain.ply staged.ply || fail "going on alone changes the bytes"
 [ "$(ls run)" = "$(printf 'log-ingest-part-00001\nlog-ingest-part-00002')" ] || fail "left: $(ls run)"
 expect 1 "$WHITTLE" stage finish --run-dir run
 grep -q 'holds no run in stages' err || fail "a run that is over: $(cat err)"
+
+# ---- a disk that is full, in the hands of a part and in the run directory ----
+if mkdir small && mount -t tmpfs -o size=500k none small 2>/dev/null; then
+	mounted=$dir/small
+	plan in.ply 2 --faces 20K
+	expect 1 "$WHITTLE" stage ingest --run-dir run --part 1/2 --temp-dir small
+	grep -q 'no space left in .*small.* [0-9]* more to come.*--temp-dir' err || fail "words: $(cat err)"
+	[ -z "$(ls small)" ] || fail "left on the full disk: $(ls small)"
+	rm -rf run
+	mount -o remount,size=5m small
+	rm -f staged.ply
+	# shellcheck disable=SC2086
+	expect 0 "$WHITTLE" plan in.ply -o staged.ply --run-dir small/run --parts 2 $sizes --faces 20K
+	full=0
+	for stage in "ingest --part 1" "ingest --part 2" join "decimate --round 1 --part 1" \
+		"decimate --round 1 --part 2" join "decimate --round 2 --part 1" \
+		"decimate --round 2 --part 2" join "decimate --round 3 --part 1" \
+		"decimate --round 3 --part 2" finish; do
+		# as little room as the stage can be given: none, and then enough
+		size=$(($(df --output=used -k small | tail -n 1) + 60))
+		mount -o remount,size=${size}k small
+		# shellcheck disable=SC2086
+		if ! "$WHITTLE" stage $stage --run-dir small/run >out 2>err; then
+			grep -q 'no space left in .* more to come' err || fail "$stage: $(cat err)"
+			full=$((full + 1))
+		fi
+		mount -o remount,size=20m small
+		# shellcheck disable=SC2086
+		expect 0 "$WHITTLE" stage $stage --run-dir small/run
+		[ "$stage" = finish ] && break
+	done
+	[ $full -ge 5 ] || fail "the disk was full in $full stages only"
+	cmp plain.ply staged.ply || fail "full disks change the bytes"
+	umount small
+	mounted=
+else
+	echo "no tmpfs can be mounted: full disks are not tried"
+fi
 
 # ---- usage ----
 expect 2 "$WHITTLE" stage
