@@ -428,6 +428,14 @@ static inline void draw_sample(wh_sample *s, const face *f, paint *p, const int6
 	put(s, key | colour_of(f, p, at, w));
 }
 
+void wh_canvas_expect(const wh_canvas *v, const wh_spot *corner)
+{
+	const float x = corner->x + (float)v->w * 0.5F, y = corner->y + (float)v->h * 0.5F;
+	if (x >= 0 && x < (float)v->w && y >= (float)v->y0 && y < (float)v->y1)
+		__builtin_prefetch(
+		    v->sample + wh_canvas_row(v, (uint32_t)y) + wh_canvas_column((uint32_t)x), 1);
+}
+
 void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *const corner[3],
                     const wh_normal_sum *const normal[3])
 {

@@ -93,6 +93,9 @@ typedef struct wh_look {
 	double radius;  /* of points, in samples */
 } wh_look;
 
+/* A face with this corner will be drawn soon: has the samples there brought near. */
+void wh_canvas_expect(const wh_canvas *v, const wh_spot *corner);
+
 /* Draws one face; `normal` may be NULL when the look is not smooth. Thread-safe. */
 void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *const corner[3],
                     const wh_normal_sum *const normal[3]);

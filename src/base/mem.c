@@ -215,6 +215,19 @@ void *wh_calloc(wh_ctx *c, size_t count, size_t size)
 	return p;
 }
 
+void wh_mem_scattered(void *block)
+{
+	const size_t large = (size_t)2 << 20;
+	char *start = block;
+	if (!block || head_of(block)->origin == FROM_LIBRARY)
+		return;
+	char *end = start + head_of(block)->total - ALIGN;
+	start +=
+	    (large - (uintptr_t)start % large) % large; /* what is beside them stays as it is */
+	if (start < end && (size_t)(end - start) >= large)
+		(void)madvise(start, (size_t)(end - start) / large * large, MADV_HUGEPAGE);
+}
+
 void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size)
 {
 	if (!block)

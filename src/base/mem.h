@@ -41,6 +41,10 @@ void *wh_alloc(wh_ctx *c, size_t count, size_t size);
 /* The same, filled with zeros. */
 void *wh_calloc(wh_ctx *c, size_t count, size_t size);
 
+/* A block of which every byte will be used, and in no order: asks for large pages, where the system
+ * has them. */
+void wh_mem_scattered(void *block);
+
 /* Grows or shrinks a block (NULL: a new one). On failure NULL, and the old block stays valid. */
 void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size);
 

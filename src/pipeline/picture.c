@@ -237,6 +237,7 @@ static wh_code draw_bands(wh_draw *d, const wh_exec *ex, wh_scene *scene, uint64
 	const uint64_t bands = (height + rows - 1) / rows;
 	wh_canvas v = {.w = d->p->width * n, .h = height * n};
 	v.sample = wh_calloc(d->c, wh_canvas_samples(v.w, rows * n), sizeof *v.sample);
+	wh_mem_scattered(v.sample);
 	wh_code code = d->c->err.code;
 	d->r->bands = bands > d->r->bands ? bands : d->r->bands;
 	wh_progress_phase(&d->progress, "draw", bands * items);

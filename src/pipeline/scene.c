@@ -4,7 +4,10 @@
 
 #include <string.h>
 
-enum { CHUNK = 8 * 1024 }; /* vertices or faces a job: their corners stay in a core's cache */
+enum {
+	CHUNK = 8 * 1024, /* vertices or faces a job: their corners stay in a core's cache */
+	AHEAD = 12        /* faces whose samples are on their way from memory while one is drawn */
+};
 
 /* What one worker needs. */
 typedef struct bench {
@@ -208,6 +211,8 @@ static wh_code draw_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (size_t i = 0; i < n; i++) {
 		const wh_spot *corner[3];
 		const wh_normal_sum *sum[3] = {NULL, NULL, NULL};
+		if (i + AHEAD < n)
+			wh_canvas_expect(s->canvas, b->spot + 3 * (i + AHEAD));
 		corners_at(b, i, corner);
 		for (size_t k = 0; k < 3 && s->p.look.smooth; k++)
 			sum[k] = s->windowed ? b->sum + 3 * i + k : s->sum + b->ids[3 * i + k];
@@ -328,6 +333,7 @@ static wh_code find_normals(wh_ctx *c, wh_scene *s)
 		s->spot = NULL;
 	}
 	s->sum = wh_alloc(c, size, sizeof *s->sum);
+	wh_mem_scattered(s->sum);
 	if (!s->sum)
 		return c->err.code;
 	for (uint64_t w = 0; w < windows(s); w++) {
@@ -425,6 +431,7 @@ wh_code wh_scene_open(wh_ctx *c, wh_scene **out, const wh_exec *ex, wh_spill *sp
 		code = open_windows(c, s);
 	if (code == WH_OK && p->source->nf) {
 		s->spot = wh_alloc(c, (size_t)window_of(p), sizeof *s->spot);
+		wh_mem_scattered(s->spot);
 		code = c->err.code;
 	}
 	if (code != WH_OK)
