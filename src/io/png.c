@@ -7,12 +7,14 @@
 #ifdef WH_HAVE_PNG
 
 #include <png.h>
+#include <string.h>
 
 enum { COMPRESSION = 5 }; /* zlib's level: above, twice the time for one per cent */
 
 typedef struct writer {
 	wh_ctx *c;
-	wh_outfile *out;
+	wh_outfile *out; /* NULL: into memory */
+	wh_png *in_memory;
 	const wh_image *image;
 	bool alpha;
 	png_structp png;
@@ -50,10 +52,23 @@ static void give_back(png_structp png, png_voidp block)
 	wh_free(w->c, block);
 }
 
+static wh_code append(wh_ctx *c, wh_png *m, const void *bytes, size_t n)
+{
+	if (n > SIZE_MAX - m->bytes)
+		return wh_fail(c, WH_E_RUN, "the picture is too large for memory");
+	if (wh_reserve(c, &m->at, &m->cap, m->bytes + n, 1) != WH_OK)
+		return c->err.code;
+	memcpy(m->at + m->bytes, bytes, n);
+	m->bytes += n;
+	return WH_OK;
+}
+
 static void on_write(png_structp png, png_bytep bytes, size_t n)
 {
 	const writer *w = png_get_io_ptr(png);
-	if (wh_outfile_write(w->c, w->out, bytes, n) != WH_OK)
+	const wh_code code = w->out ? wh_outfile_write(w->c, w->out, bytes, n)
+	                            : append(w->c, w->in_memory, bytes, n);
+	if (code != WH_OK)
 		png_longjmp(png, 1);
 }
 
@@ -91,19 +106,30 @@ static wh_code write_guarded(writer *w)
 	return WH_OK;
 }
 
+static wh_code write_with(writer *w)
+{
+	w->png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, w, on_error, on_warning, w, take,
+	                                   give_back);
+	w->info = w->png ? png_create_info_struct(w->png) : NULL;
+	wh_code code = WH_OK;
+	if (!w->info)
+		code = wh_fail(w->c, WH_E_RUN, "libpng cannot be used: it refused to start");
+	else
+		code = write_guarded(w);
+	png_destroy_write_struct(&w->png, &w->info);
+	return code;
+}
+
 wh_code wh_png_write(wh_ctx *c, wh_outfile *o, const wh_image *image, bool alpha)
 {
 	writer w = {.c = c, .out = o, .image = image, .alpha = alpha};
-	w.png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &w, on_error, on_warning, &w, take,
-	                                  give_back);
-	w.info = w.png ? png_create_info_struct(w.png) : NULL;
-	wh_code code = WH_OK;
-	if (!w.info)
-		code = wh_fail(c, WH_E_RUN, "libpng cannot be used: it refused to start");
-	else
-		code = write_guarded(&w);
-	png_destroy_write_struct(&w.png, &w.info);
-	return code;
+	return write_with(&w);
+}
+
+wh_code wh_png_encode(wh_ctx *c, wh_png *out, const wh_image *image, bool alpha)
+{
+	writer w = {.c = c, .in_memory = out, .image = image, .alpha = alpha};
+	return write_with(&w);
 }
 
 #else
@@ -118,6 +144,14 @@ wh_code wh_png_available(wh_ctx *c)
 wh_code wh_png_write(wh_ctx *c, wh_outfile *o, const wh_image *image, bool alpha)
 {
 	(void)o;
+	(void)image;
+	(void)alpha;
+	return wh_png_available(c);
+}
+
+wh_code wh_png_encode(wh_ctx *c, wh_png *out, const wh_image *image, bool alpha)
+{
+	(void)out;
 	(void)image;
 	(void)alpha;
 	return wh_png_available(c);

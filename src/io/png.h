@@ -17,7 +17,15 @@ typedef struct wh_image {
 /* WH_E_USAGE, with the remedy, when whittle was built without libpng: to be asked before work. */
 wh_code wh_png_available(wh_ctx *c);
 
+/* A PNG file in memory: zero-initialise; the caller frees `at` by wh_free. */
+typedef struct wh_png {
+	uint8_t *at;
+	size_t bytes, cap;
+} wh_png;
+
 /* Appends the picture to an output; without its alpha unless `alpha`. A pixel at least. */
 wh_code wh_png_write(wh_ctx *c, wh_outfile *o, const wh_image *image, bool alpha);
+/* The same into memory, behind what is there. */
+wh_code wh_png_encode(wh_ctx *c, wh_png *out, const wh_image *image, bool alpha);
 
 #endif

@@ -138,6 +138,10 @@ static wh_code aim_camera(wh_draw *d, const wh_picture_cell *cell, wh_camera *k)
 	const wh_up guess = guess_up(b), up = p->up == WH_UP_GUESS ? guess : (wh_up)p->up;
 	const wh_view suits = guess == WH_UP_Z && up == WH_UP_Z ? FROM_ABOVE : THREE_QUARTERS;
 	const wh_view view = cell->own_view ? cell->view : suits;
+	if (cell == d->p->cells) {
+		d->r->up = up;
+		d->r->view = view;
+	}
 	if (!wh_camera_open(k, b->lo, b->hi, view, up, p->perspective))
 		return wh_fail(d->c, WH_E_INPUT,
 		               "'%s' cannot be drawn: the box around its %llu vertices has no "
@@ -365,6 +369,23 @@ static wh_code write_picture(wh_draw *d, wh_outfile **out)
 	return code == WH_OK ? wh_outfile_commit(d->c, out) : code;
 }
 
+/* Cells below each other, without labels. */
+static wh_code give_away(const wh_draw *d)
+{
+	const size_t bytes = (size_t)d->sheet.w * d->p->height * 4;
+	wh_code code = WH_OK;
+	for (int i = 0; code == WH_OK && i < d->p->ncells; i++) {
+		const wh_picture_look look = {
+		    .image = {d->sheet.w, d->p->height, d->sheet.rgba + bytes * (size_t)i},
+		    .faces = d->cell[i].faces,
+		    .vertices = d->cell[i].points,
+		    .range = d->cell[i].range,
+		    .distance_max = d->cell[i].distance_max};
+		code = d->p->take(d->c, d->p->take_user, i, &look);
+	}
+	return code;
+}
+
 static wh_code make_picture(wh_draw *d, wh_outfile **out)
 {
 	wh_code code = draw_all(d);
@@ -378,7 +399,9 @@ static wh_code make_picture(wh_draw *d, wh_outfile **out)
 		code = wh_draw_distances(d);
 	if (code == WH_OK)
 		code = wh_draw_sheet(d);
-	return code == WH_OK ? write_picture(d, out) : code;
+	if (code != WH_OK)
+		return code;
+	return d->p->take ? give_away(d) : write_picture(d, out);
 }
 
 wh_code wh_picture(wh_ctx *c, const wh_exec *ex, const wh_picture_params *p, wh_picture_report *r)
@@ -403,7 +426,7 @@ wh_code wh_picture(wh_ctx *c, const wh_exec *ex, const wh_picture_params *p, wh_
 		return code;
 	c->mem->limit = d.memory > OPEN_BYTES ? d.memory - BASE_BYTES / 2 : OPEN_BYTES;
 	code = wh_spill_open(c, &d.spill, p->temp_dir, "/tmp");
-	if (code == WH_OK)
+	if (code == WH_OK && !p->take)
 		code = wh_outfile_open(c, &out, p->output, p->force);
 	if (code == WH_OK)
 		code = make_picture(&d, &out);

@@ -11,6 +11,7 @@
 
 #include "algo/render.h"
 #include "exec/exec.h"
+#include "io/png.h"
 #include "pipeline/progress.h"
 
 enum {
@@ -31,6 +32,13 @@ typedef struct wh_picture_cell {
 	const char *view_name; /* for the label; may be NULL */
 } wh_picture_cell;
 
+/* What is seen of the meshes in one cell. */
+typedef struct wh_picture_look {
+	wh_image image;
+	uint64_t faces, vertices;   /* of its file */
+	double range, distance_max; /* as in the report, of this cell */
+} wh_picture_look;
+
 typedef struct wh_picture_params {
 	const char *const *paths;
 	int npaths;
@@ -39,6 +47,11 @@ typedef struct wh_picture_params {
 	const wh_picture_cell *cells;
 	int ncells;
 	bool labels; /* below each cell: name, faces, view */
+	/* NULL: all cells are one picture in `output`. Else each is a picture by itself, with a
+	 * range of its own and neither label nor legend, which is given away in the order of the
+	 * cells and is gone after the call; nothing is written. */
+	wh_code (*take)(wh_ctx *c, void *user, int cell, const wh_picture_look *look);
+	void *take_user;
 
 	uint32_t width, height; /* of a cell, pixels, without its label */
 	int samples;            /* along the side of a pixel: 1 .. WH_RENDER_SAMPLES_MOST */
@@ -65,6 +78,8 @@ typedef struct wh_picture_report {
 	uint64_t covered;         /* pixels that show something */
 	double range;             /* distance of the last colour; 0: none asked for */
 	double distance_max;      /* of the pixels */
+	wh_up up;                 /* as drawn in the first cell, ... */
+	wh_view view;             /* ... seen from there */
 	uint64_t bands, windows;  /* most of any cell */
 } wh_picture_report;
 

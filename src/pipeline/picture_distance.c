@@ -142,12 +142,17 @@ static double round_up(double x)
 	return steps[i] * unit;
 }
 
+/* Cells that have one range. */
+typedef struct cells {
+	int from, to;
+} cells;
+
 /* Distances of the pixels, counted in equal bins up to the largest. */
-static uint64_t count_distances(const wh_draw *d, double most, uint64_t bins[BINS])
+static uint64_t count_distances(const wh_draw *d, cells of, double most, uint64_t bins[BINS])
 {
 	uint64_t n = 0;
 	const size_t pixels = (size_t)d->p->width * d->p->height;
-	for (int i = 0; i < d->p->ncells; i++)
+	for (int i = of.from; i < of.to; i++)
 		for (size_t k = 0; k < pixels; k++) {
 			if (!d->cell[i].pixels[k].covered)
 				continue;
@@ -158,28 +163,45 @@ static uint64_t count_distances(const wh_draw *d, double most, uint64_t bins[BIN
 	return n;
 }
 
-static double find_most(const wh_draw *d)
+static double find_most(const wh_draw *d, cells of)
 {
 	const size_t pixels = (size_t)d->p->width * d->p->height;
 	double most = 0;
-	for (int i = 0; i < d->p->ncells; i++)
+	for (int i = of.from; i < of.to; i++)
 		for (size_t k = 0; k < pixels; k++)
 			most = fmax(most, (double)d->cell[i].distance[k]);
 	return most;
 }
 
-static double suitable_range(const wh_draw *d, double most)
+static double suitable_range(const wh_draw *d, cells of, double most)
 {
 	uint64_t bins[BINS] = {0};
 	double range = 0;
 	if (most > 0) {
-		uint64_t left = (uint64_t)((double)count_distances(d, most, bins) * BEYOND);
+		uint64_t left = (uint64_t)((double)count_distances(d, of, most, bins) * BEYOND);
 		int k = BINS - 1;
 		while (k > 0 && bins[k] <= left)
 			left -= bins[k--];
 		range = most * (k + 1) / BINS;
 	}
 	return round_up(fmax(range, RANGE_LEAST * 2 * d->cell[0].camera.unit));
+}
+
+/* One for all cells of a picture. */
+static void find_ranges(wh_draw *d)
+{
+	const int step = d->p->take ? 1 : d->p->ncells;
+	for (int i = 0; i < d->p->ncells; i += step) {
+		const cells of = {i, i + step};
+		const double most = find_most(d, of);
+		const double range = d->p->range > 0 ? d->p->range : suitable_range(d, of, most);
+		for (int k = of.from; k < of.to; k++) {
+			d->cell[k].range = range;
+			d->cell[k].distance_max = most;
+		}
+		d->r->distance_max = fmax(d->r->distance_max, most);
+		d->r->range = fmax(d->r->range, range);
+	}
 }
 
 /* ---- the whole ------------------------------------------------------------------------------ */
@@ -196,10 +218,7 @@ wh_code wh_draw_distances(wh_draw *d)
 	if (code == WH_OK)
 		code = measure_from(d, &s.tree);
 	wh_surface_close(d->c, &s);
-	if (code != WH_OK)
-		return code;
-	const double most = find_most(d);
-	d->r->distance_max = most;
-	d->r->range = d->p->range > 0 ? d->p->range : suitable_range(d, most);
-	return WH_OK;
+	if (code == WH_OK)
+		find_ranges(d);
+	return code;
 }

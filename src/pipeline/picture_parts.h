@@ -22,6 +22,7 @@ typedef struct wh_draw_cell {
 	uint64_t faces, points; /* of its file */
 	wh_pixel *pixels;
 	float *distance; /* of each pixel's nearest sample; NULL: not asked for */
+	double range, distance_max;
 } wh_draw_cell;
 
 typedef struct wh_draw {

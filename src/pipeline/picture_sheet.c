@@ -35,13 +35,14 @@ static wh_rgba word_colour(const wh_draw *d)
 void wh_draw_lay_out(wh_draw *d)
 {
 	const int n = d->p->ncells;
+	const bool apart = d->p->take != NULL; /* below each other: each is a block of memory */
 	int columns = n <= 3 ? n : (n + 1) / 2;
 	while (columns > 4 && columns * columns > 2 * n)
 		columns--;
-	d->columns = columns;
-	d->lines = (n + columns - 1) / columns;
-	d->label = d->p->labels ? (uint32_t)(2.6 * text_size(d)) : 0;
-	d->legend = d->p->distance_to ? (uint32_t)(6.4 * text_size(d)) : 0;
+	d->columns = apart ? 1 : columns;
+	d->lines = (n + d->columns - 1) / d->columns;
+	d->label = d->p->labels && !apart ? (uint32_t)(2.6 * text_size(d)) : 0;
+	d->legend = d->p->distance_to && !apart ? (uint32_t)(6.4 * text_size(d)) : 0;
 	d->sheet.w = d->p->width * (uint32_t)d->columns;
 	d->sheet.h = (d->p->height + d->label) * (uint32_t)d->lines;
 	d->sheet.h += d->p->labels ? d->legend : 0;
@@ -86,7 +87,7 @@ static wh_code colour_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		const size_t at = (size_t)row * w + x;
 		float tint[3] = {1, 1, 1};
 		if (k->distance)
-			wh_render_map((double)k->distance[at] / d->r->range, tint);
+			wh_render_map((double)k->distance[at] / k->range, tint);
 		s->covered[worker] += k->pixels[at].covered > 0;
 		put_pixel(&d->sheet, left_of(d, cell) + x, top_of(d, cell) + row,
 		          wh_render_colour(&k->pixels[at], d->p->samples, tint, factor[x],
@@ -215,9 +216,9 @@ wh_code wh_draw_sheet(wh_draw *d)
 	fill_background(d);
 	if (colour_cells(d) != WH_OK)
 		return d->c->err.code;
-	for (int i = 0; d->p->labels && i < d->p->ncells; i++)
+	for (int i = 0; d->label && i < d->p->ncells; i++)
 		draw_label(d, i);
-	if (d->p->distance_to)
+	if (d->legend)
 		draw_legend(d);
 	return WH_OK;
 }
