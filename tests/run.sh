@@ -14,7 +14,7 @@ builds=(release release-clang debug tsan plain)
 # What runs in a build that does not run everything: tests in which threads meet, and tests
 # that show the command whole without threads and hwloc.
 threads='exec|bvh|compare|ingest|inspect|reduce|round|ply_body|ply_source|synth|store|generate|check$'
-plain='cli_(reduce|compare|check|generate)'
+plain='cli_(reduce|compare|check|generate|report)$'
 # Another compiler: all but tests of signals, kills and of bench/, whose time is not in our code.
 clang='test_|cli_(reduce|check|compare|generate|plan|topology|attributes|formats|render|offset|modulemap|install)'
 

@@ -18,6 +18,7 @@ int cmd_info(int argc, char **argv);
 int cmd_check(int argc, char **argv);
 int cmd_compare(int argc, char **argv);
 int cmd_render(int argc, char **argv);
+int cmd_report(int argc, char **argv);
 int cmd_generate(int argc, char **argv);
 
 /* A context with an account and the signal flag, for one subcommand. */

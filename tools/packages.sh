@@ -1,16 +1,18 @@
 #!/bin/bash
 # Installs the Debian packages that whittle needs and that are missing: the one list of them.
 #
-# usage: tools/packages.sh build | test | bench
+# usage: tools/packages.sh build | test | browser | bench
 #
-# "build" is enough for the command and the library, "test" adds what the tests use, "bench" what
-# bench/run compares with. Where everything is installed nothing is called and no network is needed.
+# "build" is enough for the command and the library, "test" adds what the tests use, "browser" what
+# one test of whittle report does, which skips without (some 120 MiB), "bench" what bench/run
+# compares with. Where everything is installed nothing is called and no network is needed.
 set -euo pipefail
 
 build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev
-	libpng-dev zlib1g-dev libzstd-dev)
+	libpng-dev zlib1g-dev libzstd-dev libjs-three)
 test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
 	clang-format clang-tidy binutils python3 valgrind zstd libopenmpi-dev openmpi-bin)
+browser_packages=(chromium chromium-driver)
 # The last but one line is a cluster for bench/slurm; the last one MeshLab, with a display and OpenGL of software, which its server wants.
 bench_packages=(g++ python3 python3-matplotlib valgrind libmeshoptimizer-dev libopenmesh-dev
 	libcgal-dev libeigen3-dev libvtk9-dev libgts-dev
@@ -47,9 +49,10 @@ install_missing() {
 case ${1:-} in
 build) packages=("${build_packages[@]}") ;;
 test) packages=("${build_packages[@]}" "${test_packages[@]}") ;;
+browser) packages=("${build_packages[@]}" "${test_packages[@]}" "${browser_packages[@]}") ;;
 bench) packages=("${build_packages[@]}" "${bench_packages[@]}") ;;
 *)
-	echo "usage: $0 build | test | bench" >&2
+	echo "usage: $0 build | test | browser | bench" >&2
 	exit 2
 	;;
 esac

@@ -91,8 +91,7 @@ static bool are_views(const char *list)
 	return n > 0 && *list == '\0';
 }
 
-/* "1200x900", or "800" for a square. */
-static bool parse_size(const char *text, uint32_t *w, uint32_t *h)
+bool render_parse_size(const char *text, uint32_t *w, uint32_t *h)
 {
 	char copy[32];
 	int64_t a, b;
@@ -184,7 +183,7 @@ static bool take_value(render_options *o, int opt, const char *arg)
 	switch (opt) {
 	case OPT_SIZE:
 		o->sized = true;
-		return parse_size(arg, &p->width, &p->height);
+		return render_parse_size(arg, &p->width, &p->height);
 	case OPT_VIEW:
 		o->views = arg;
 		return are_views(arg);

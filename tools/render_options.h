@@ -18,6 +18,9 @@ typedef struct render_options {
 	double turn[2]; /* azimuth, elevation */
 } render_options;
 
+/* "1200x900", or "800" for a square. */
+bool render_parse_size(const char *text, uint32_t *w, uint32_t *h);
+
 /* WH_OK, or the exit status after a message. */
 int render_options_parse(int argc, char **argv, render_options *o);
 

@@ -20,6 +20,7 @@ static const command commands[] = {
     {"check", cmd_check, "FILE", "manifold, boundary, components, defects"},
     {"compare", cmd_compare, "A B", "two-sided distance of two meshes"},
     {"render", cmd_render, "FILE -o PICTURE.png", "a picture of a mesh of any size"},
+    {"report", cmd_report, "IN OUT -o PAGE.html", "one page that shows what became of a mesh"},
     {"generate", cmd_generate, "-o OUT --faces N", "make a scan-like surface of any size"},
 };
 

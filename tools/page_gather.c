@@ -1,0 +1,288 @@
+/* What a page needs of the meshes, through the library's calls. */
+#include "page_parts.h"
+
+#include "pipeline/normalise.h"
+#include "pipeline/points.h"
+#include "whittle.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum {
+	SAMPLES = 4,                   /* of the pictures, along the side of a pixel */
+	BASE_BYTES = 12 * 1024 * 1024, /* program, libraries, stacks */
+	REPORT_MOST = 16 * 1024 * 1024 /* bytes of a JSON file */
+};
+
+/* ---- files ---------------------------------------------------------------------------------- */
+
+static wh_code look_at(page_work *w, const char *path, page_mesh *m)
+{
+	wh_input in;
+	m->path = path;
+	if (wh_input_look(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, "none", &in) != WH_OK)
+		return w->c->err.code;
+	m->faces = in.source.nf;
+	m->vertices = in.source.nv;
+	m->bytes = in.file_bytes;
+	wh_input_close(w->c, &w->spill, &in);
+	return WH_OK;
+}
+
+static wh_code read_run(page_work *w, const char *path, json_t **run)
+{
+	json_error_t why;
+	FILE *f = fopen(path, "rb");
+	if (!f)
+		return wh_fail_errno(w->c, "cannot open '%s'", path);
+	if (fseek(f, 0, SEEK_END) == 0 && ftell(f) > REPORT_MOST) {
+		(void)fclose(f);
+		return wh_fail(w->c, WH_E_INPUT,
+		               "'%s' is too large for a report: --json takes what reduce --report "
+		               "wrote",
+		               path);
+	}
+	(void)fseek(f, 0, SEEK_SET);
+	*run = json_loadf(f, JSON_REJECT_DUPLICATES, &why);
+	(void)fclose(f);
+	if (!*run)
+		return wh_fail(w->c, WH_E_INPUT,
+		               "'%s', line %d: %s; --json takes what reduce --report wrote", path,
+		               why.line, why.text);
+	if (!json_is_object(*run) || !json_is_object(json_object_get(*run, "output")))
+		return wh_fail(w->c, WH_E_INPUT,
+		               "'%s' is not what reduce --report wrote: it tells of no output",
+		               path);
+	return WH_OK;
+}
+
+/* A report is of the level whose file it names, or else has the size of. */
+static void match_run(page_work *w, const json_t *run)
+{
+	const json_t *output = json_object_get(run, "output");
+	const char *path = json_string_value(json_object_get(output, "path"));
+	const json_int_t bytes = json_integer_value(json_object_get(output, "bytes"));
+	for (int i = 1; i < w->n; i++) {
+		page_mesh *m = &w->mesh[i];
+		const bool named = path && strcmp(page_name(path), page_name(m->path)) == 0;
+		if (!m->run && named && (uint64_t)bytes == m->bytes)
+			m->run = run;
+	}
+}
+
+wh_code page_files_open(page_work *w)
+{
+	progress_bar_tell(w->bar, "open", 0, 1);
+	w->n = w->o->npaths;
+	for (int i = 0; i < w->n; i++)
+		if (look_at(w, w->o->paths[i], &w->mesh[i]) != WH_OK)
+			return w->c->err.code;
+	for (int i = 0; i < w->o->nruns; i++) {
+		if (read_run(w, w->o->runs[i], &w->runs[i]) != WH_OK)
+			return w->c->err.code;
+		match_run(w, w->runs[i]);
+	}
+	return WH_OK;
+}
+
+void page_work_free(page_work *w)
+{
+	for (int i = 0; i < w->n; i++) {
+		wh_free(w->c, w->mesh[i].picture.at);
+		wh_free(w->c, w->mesh[i].map.at);
+		wh_compact_free(w->c, &w->mesh[i].shown);
+	}
+	for (int i = 0; i < w->o->nruns; i++)
+		json_decref(w->runs[i]);
+	wh_spill_close(w->c, &w->spill);
+}
+
+/* ---- pictures ------------------------------------------------------------------------------- */
+
+static wh_code take_picture(wh_ctx *c, void *user, int cell, const wh_picture_look *look)
+{
+	page_work *w = user;
+	page_mesh *m = &w->mesh[cell];
+	m->faces = look->faces;
+	m->vertices = look->vertices;
+	return wh_png_encode(c, &m->picture, &look->image, true);
+}
+
+static wh_code take_map(wh_ctx *c, void *user, int cell, const wh_picture_look *look)
+{
+	page_work *w = user;
+	page_mesh *m = &w->mesh[cell + 1];
+	m->range = look->range;
+	m->distance_max = look->distance_max;
+	return wh_png_encode(c, &m->map, &look->image, true);
+}
+
+/* Every file from the camera that shows all of them; cells: files from `first` on. */
+static wh_code draw(page_work *w, int first, const char *distance_to,
+                    wh_code (*take)(wh_ctx *, void *, int, const wh_picture_look *))
+{
+	wh_picture_report r;
+	wh_picture_cell cells[REPORT_FILES];
+	wh_picture_params p = {.paths = w->o->paths,
+	                       .npaths = w->n,
+	                       .cells = cells,
+	                       .ncells = w->n - first,
+	                       .take = take,
+	                       .take_user = w,
+	                       .width = w->o->width,
+	                       .height = w->o->height,
+	                       .samples = SAMPLES,
+	                       .up = w->o->up,
+	                       .zoom = 1,
+	                       .distance_to = distance_to,
+	                       .temp_dir = w->o->temp_dir,
+	                       .memory = w->memory,
+	                       .progress = progress_bar_tell,
+	                       .progress_user = w->bar};
+	for (int i = first; i < w->n; i++) {
+		wh_picture_cell *cell = &cells[i - first];
+		*cell =
+		    (wh_picture_cell){.file = i, .own_view = w->o->turned[0] || w->o->turned[1]};
+		cell->view.azimuth = w->o->turned[0] ? w->o->turn[0] : 30;
+		cell->view.elevation = w->o->turned[1] ? w->o->turn[1] : 16;
+	}
+	const wh_code code = wh_picture(w->c, w->ex, &p, &r);
+	w->up = r.up;
+	w->view = r.view;
+	return code;
+}
+
+wh_code page_pictures(page_work *w)
+{
+	wh_ctx asked = wh_ctx_fork(w->c);
+	w->drawn = wh_png_available(&asked) == WH_OK;
+	if (!w->drawn)
+		return WH_OK;
+	const wh_code code = draw(w, 0, NULL, take_picture);
+	return code == WH_OK ? draw(w, 1, w->mesh[0].path, take_map) : code;
+}
+
+/* ---- distances ------------------------------------------------------------------------------ */
+
+static wh_code load(page_work *w, const char *path, wh_mesh *m)
+{
+	return wh_load_coloured(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, m);
+}
+
+static wh_code compare_level(page_work *w, const wh_mesh *input, const wh_compare_params *p,
+                             page_mesh *level)
+{
+	wh_mesh m = {0};
+	wh_code code = load(w, level->path, &m);
+	if (code == WH_OK)
+		code = wh_compare_meshes(w->c, w->ex, input, &m, p, &level->distance);
+	wh_mesh_free(w->c, &m);
+	return code;
+}
+
+wh_code page_compare(page_work *w)
+{
+	wh_vec3 *cuts = NULL;
+	wh_compare_params p = {.samples = (uint64_t)w->o->samples};
+	wh_mesh input = {0};
+	wh_code code = w->o->seams ? wh_load_points(w->c, w->o->seams, &cuts, &p.ncuts) : WH_OK;
+	p.cuts = cuts;
+	progress_bar_tell(w->bar, "compare", 0, (uint64_t)w->n);
+	if (code == WH_OK)
+		code = load(w, w->mesh[0].path, &input);
+	for (int i = 1; code == WH_OK && i < w->n; i++) {
+		progress_bar_tell(w->bar, "compare", (uint64_t)i, (uint64_t)w->n);
+		code = compare_level(w, &input, &p, &w->mesh[i]);
+	}
+	wh_mesh_free(w->c, &input);
+	wh_free(w->c, cuts);
+	return code;
+}
+
+/* ---- meshes --------------------------------------------------------------------------------- */
+
+/* Reduces a level that is too large for a page to a file of the spill folder. */
+static wh_code reduce_level(page_work *w, const page_mesh *level, const char *to)
+{
+	wh_reduce_params p = wh_reduce_defaults();
+	wh_reduce_report r;
+	p.input = level->path;
+	p.output = to;
+	p.force = true;
+	p.attributes = "none";
+	p.faces = (uint64_t)w->o->shown;
+	p.memory = w->memory;
+	p.threads = w->ex->workers;
+	p.temp_dir = w->o->temp_dir;
+	p.progress = progress_bar_tell;
+	p.progress_user = w->bar;
+	wh_ctx own = wh_ctx_fork(w->c);
+	const wh_code code = wh_reduce(&own, &p, &r);
+	if (code == WH_E_TARGET) /* it is as small as it gets, and the page tells how small */
+		return WH_OK;
+	w->c->err = own.err;
+	return code;
+}
+
+/* Room for the mesh that is shown, and its bytes. */
+static wh_code refuse_early(const page_work *w)
+{
+	const uint64_t nf = (uint64_t)w->o->shown, nv = nf / 2;
+	const size_t need = wh_compact_bytes(nv, nf) + nv * sizeof(wh_vec3) + 12 * nf;
+	const size_t all = atomic_load(&w->c->mem->used) + BASE_BYTES + need;
+	if (all <= w->memory)
+		return WH_OK;
+	return wh_fail(w->c, WH_E_PLAN,
+	               "a page of %lld faces a level needs more memory than the ceiling of %zu "
+	               "MiB: use --memory %zuM, or a smaller --shown",
+	               (long long)w->o->shown, w->memory >> 20, (all >> 20) + 1);
+}
+
+/* Of all that faces use and is a number. */
+static wh_compact_grid grid_of(const wh_mesh *m)
+{
+	wh_vec3 lo = wh_v3(INFINITY, INFINITY, INFINITY), hi = wh_scale(lo, -1);
+	for (size_t i = 0; i < 3 * (size_t)m->nf; i++) {
+		const wh_vec3 p = m->pos[m->tri[i]];
+		if (!isfinite(p.x) || !isfinite(p.y) || !isfinite(p.z))
+			continue;
+		lo = wh_lower(lo, p);
+		hi = wh_upper(hi, p);
+	}
+	return wh_compact_grid_of(lo, hi);
+}
+
+static wh_code show_level(page_work *w, int i, wh_mesh *m)
+{
+	page_mesh *level = &w->mesh[i];
+	char to[4096];
+	const char *path = level->path;
+	if (level->faces > (uint64_t)w->o->shown) {
+		const int n = snprintf(to, sizeof to, "%s/shown.ply", w->spill.dir);
+		if (n < 0 || (size_t)n >= sizeof to)
+			return wh_fail(w->c, WH_E_RUN, "the name of the folder '%s' is too long",
+			               w->spill.dir);
+		path = to;
+		if (reduce_level(w, level, to) != WH_OK)
+			return w->c->err.code;
+	}
+	const wh_code code =
+	    wh_load_mesh(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, m, NULL, NULL);
+	if (code == WH_OK && path == level->path) {
+		level->faces = m->nf;
+		level->vertices = m->nv;
+	}
+	level->grid = grid_of(m);
+	return code == WH_OK ? wh_compact_encode(w->c, m, &level->grid, &level->shown) : code;
+}
+
+wh_code page_meshes(page_work *w)
+{
+	wh_code code = refuse_early(w);
+	for (int i = 1; code == WH_OK && i < w->n; i++) {
+		wh_mesh m = {0};
+		code = show_level(w, i, &m);
+		wh_mesh_free(w->c, &m);
+	}
+	return code;
+}
