@@ -152,6 +152,7 @@ typedef struct wh_phase_report {
 	                             whittle held them up: serial parts, the longest job, what has
 	                             to be done one after the other */
 	uint64_t bytes_read, bytes_written; /* files; the page cache may serve them */
+	uint64_t memory_peak; /* most bytes that whittle held in it, by its own account */
 } wh_phase_report;
 
 /* What became of a level. */

@@ -19,6 +19,10 @@ static void reduces(fixture *f)
 	assert_int_equal(entries(f->temp), 0);
 	assert_int_equal(entries(f->out_dir), 1);
 	assert_true(f->report.memory_peak <= f->params.memory);
+	uint64_t most = 0; /* of any phase: what is held between them is little */
+	for (int i = 0; i < WH_PHASES; i++)
+		most = f->report.phase[i].memory_peak > most ? f->report.phase[i].memory_peak : most;
+	assert_in_range(most, f->report.memory_peak / 10 * 9, f->report.memory_peak);
 }
 
 static wh_mesh load(fixture *f, const char *path)

@@ -168,7 +168,7 @@ static void put_phases(const page_out *o, const json_t *run)
 	json_t *phase;
 	if (s.seconds <= 0)
 		return;
-	page_put(o, "<h4>Time by phase</h4>\n<div class=\"scroll\" tabindex=\"0\" role=\"group\" "
+	page_put(o, "<h4>Time and memory by phase</h4>\n<div class=\"scroll\" tabindex=\"0\" role=\"group\" "
 	            "aria-label=\"Phases\"><table class=\"phases\">\n<thead><tr>"
 	            "<th scope=\"col\">Phase</th><th scope=\"col\" colspan=\"2\">Time</th>");
 	page_put(o, s.memory > 0 ? "<th scope=\"col\" colspan=\"2\">Memory</th>" : "");

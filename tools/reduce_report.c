@@ -177,6 +177,7 @@ static void put_phase(json_t *phases, const char *name, const wh_phase_report *p
 	(void)json_object_set_new(o, "model_seconds", model);
 	put_count(o, "bytes_read", p->bytes_read);
 	put_count(o, "bytes_written", p->bytes_written);
+	put_count(o, "memory_bytes_peak", p->memory_peak);
 }
 
 static void put_costs(json_t *root, const wh_reduce_report *r)

@@ -32,6 +32,13 @@ static head *head_of(void *block)
 	return (head *)(void *)((char *)block - ALIGN);
 }
 
+static void raise_to(_Atomic size_t *most, size_t now)
+{
+	size_t old = atomic_load_explicit(most, memory_order_relaxed);
+	while (now > old && !atomic_compare_exchange_weak(most, &old, now)) {
+	}
+}
+
 static bool account_take(wh_mem *m, size_t bytes)
 {
 	if (atomic_load_explicit(&m->fail_after, memory_order_relaxed) > 0 &&
@@ -42,9 +49,8 @@ static bool account_take(wh_mem *m, size_t bytes)
 		atomic_fetch_sub(&m->used, bytes);
 		return false;
 	}
-	size_t peak = atomic_load_explicit(&m->peak, memory_order_relaxed);
-	while (now > peak && !atomic_compare_exchange_weak(&m->peak, &peak, now)) {
-	}
+	raise_to(&m->peak, now);
+	raise_to(&m->high, now);
 	return true;
 }
 

@@ -25,6 +25,7 @@ typedef struct wh_kept {
 typedef struct wh_mem {
 	_Atomic size_t used; /* bytes held now */
 	_Atomic size_t peak; /* most bytes held at any time */
+	_Atomic size_t high; /* the same since the caller set it to what was held */
 	size_t limit;        /* refuse to hold more than this; 0 = no limit */
 	_Atomic long
 	    fail_after;    /* tests: when > 0, counts down; the request that reaches 0 fails */

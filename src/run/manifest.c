@@ -114,6 +114,7 @@ static const field phase_fields[] = {
     ROWS(wh_phase_report, REAL, model, WH_SCALING),
     ROW(wh_phase_report, NUMBER, bytes_read),
     ROW(wh_phase_report, NUMBER, bytes_written),
+    ROW(wh_phase_report, NUMBER, memory_peak),
     END,
 };
 

@@ -30,6 +30,7 @@ void wh_run_phase_begin(wh_run *r)
 	r->phase_read = bytes_read(r);
 	r->phase_written = bytes_written(r);
 	r->phase_start = wh_seconds();
+	atomic_store(&r->c->mem->high, atomic_load(&r->c->mem->used));
 }
 
 wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code)
@@ -43,6 +44,8 @@ wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code)
 		p->model[k] += serial + r->stats.model[k];
 	p->bytes_read += bytes_read(r) - r->phase_read;
 	p->bytes_written += bytes_written(r) - r->phase_written;
+	const uint64_t high = atomic_load(&r->c->mem->high);
+	p->memory_peak = high > p->memory_peak ? high : p->memory_peak;
 	return code;
 }
 
