@@ -33,13 +33,13 @@ void page_putf(const page_out *o, const char *fmt, ...)
 static size_t character(const unsigned char *s)
 {
 	static const struct {
-		unsigned char mask, head;
 		size_t bytes;
 		uint32_t least; /* shorter ones have to be written shorter */
-	} kinds[] = {{0x80, 0x00, 1, 0},
-	             {0xe0, 0xc0, 2, 0x80},
-	             {0xf0, 0xe0, 3, 0x800},
-	             {0xf8, 0xf0, 4, 0x10000}};
+		unsigned char mask, head;
+	} kinds[] = {{1, 0, 0x80, 0x00},
+	             {2, 0x80, 0xe0, 0xc0},
+	             {3, 0x800, 0xf0, 0xe0},
+	             {4, 0x10000, 0xf8, 0xf0}};
 	for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
 		if ((s[0] & kinds[k].mask) != kinds[k].head)
 			continue;

@@ -168,7 +168,8 @@ static void put_phases(const page_out *o, const json_t *run)
 	json_t *phase;
 	if (s.seconds <= 0)
 		return;
-	page_put(o, "<h4>Time and memory by phase</h4>\n<div class=\"scroll\" tabindex=\"0\" role=\"group\" "
+	page_put(o, "<h4>Time and memory by phase</h4>\n<div class=\"scroll\" tabindex=\"0\" "
+	            "role=\"group\" "
 	            "aria-label=\"Phases\"><table class=\"phases\">\n<thead><tr>"
 	            "<th scope=\"col\">Phase</th><th scope=\"col\" colspan=\"2\">Time</th>");
 	page_put(o, s.memory > 0 ? "<th scope=\"col\" colspan=\"2\">Memory</th>" : "");
@@ -257,7 +258,15 @@ static void put_list(const page_out *o, const char *title, const json_t *run, co
 	page_put(o, "</dl></div>\n");
 }
 
-#define PUT_LIST(o, title, run, items) put_list(o, title, run, items, sizeof items / sizeof *items)
+static const struct {
+	const char *title;
+	const item *items;
+	size_t n;
+} lists[] = {
+    {"What it took", costs, sizeof costs / sizeof *costs},
+    {"What came out", result, sizeof result / sizeof *result},
+    {"Topology", topology, sizeof topology / sizeof *topology},
+};
 
 /* ---- parameters ----------------------------------------------------------------------------- */
 
@@ -337,9 +346,8 @@ static void put_run(const page_out *o, const json_t *run)
 	page_put(o, "</h3>\n");
 	put_phases(o, run);
 	page_put(o, "<div class=\"lists\">\n");
-	PUT_LIST(o, "What it took", run, costs);
-	PUT_LIST(o, "What came out", run, result);
-	PUT_LIST(o, "Topology", run, topology);
+	for (size_t i = 0; i < sizeof lists / sizeof *lists; i++)
+		put_list(o, lists[i].title, run, lists[i].items, lists[i].n);
 	put_parameters(o, run);
 	page_put(o, "</div>\n");
 	put_words(o, run);

@@ -104,6 +104,6 @@ void wh_compact_free(wh_ctx *c, wh_compact *m)
 /* Typical meshes take 6 to 8 bytes a face; the array doubles, and both are there for a moment. */
 size_t wh_compact_bytes(uint64_t nv, uint64_t nf)
 {
-	enum { TYPICAL = 12 };
-	return (size_t)nv * sizeof(uint32_t) + 3 * TYPICAL * (size_t)nf + FACE_MOST;
+	enum { TYPICAL = 12, COPIES = 3 };
+	return (size_t)nv * sizeof(uint32_t) + (size_t)COPIES * TYPICAL * (size_t)nf + FACE_MOST;
 }
