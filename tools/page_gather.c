@@ -20,7 +20,8 @@ static wh_code look_at(page_work *w, const char *path, page_mesh *m)
 {
 	wh_input in;
 	m->path = path;
-	if (wh_input_look(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, "none", &in) != WH_OK)
+	if (wh_input_look(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, (wh_wanted){"none", 0},
+	                  &in) != WH_OK)
 		return w->c->err.code;
 	m->faces = in.source.nf;
 	m->vertices = in.source.nv;
