@@ -132,6 +132,7 @@ void page_write_distances(const page_work *w, const page_out *o)
 	page_real(o, w->mesh[1].distance.diagonal);
 	page_put(o, ".</p>\n");
 	put_levels(w, o);
+	page_write_histograms(w, o);
 	for (int i = 1; i < w->n; i++)
 		put_details(o, &w->mesh[i], w->n == 2);
 	page_put(o, "</section>\n");

@@ -1,8 +1,8 @@
 /* What a page needs of the meshes, through the library's calls. */
 #include "page_parts.h"
 
+#include "pipeline/measure.h"
 #include "pipeline/normalise.h"
-#include "pipeline/points.h"
 #include "whittle.h"
 
 #include <stdio.h>
@@ -165,38 +165,20 @@ wh_code page_pictures(page_work *w)
 
 /* ---- distances ------------------------------------------------------------------------------ */
 
-static wh_code load(page_work *w, const char *path, wh_mesh *m)
-{
-	return wh_load_coloured(w->c, w->ex, &w->spill, path, WH_FORMAT_ANY, m);
-}
-
-static wh_code compare_level(page_work *w, const wh_mesh *input, const wh_compare_params *p,
-                             page_mesh *level)
-{
-	wh_mesh m = {0};
-	wh_code code = load(w, level->path, &m);
-	if (code == WH_OK)
-		code = wh_compare_meshes(w->c, w->ex, input, &m, p, &level->distance);
-	wh_mesh_free(w->c, &m);
-	return code;
-}
-
 wh_code page_compare(page_work *w)
 {
-	wh_vec3 *cuts = NULL;
-	wh_compare_params p = {.samples = (uint64_t)w->o->samples};
-	wh_mesh input = {0};
-	wh_code code = w->o->seams ? wh_load_points(w->c, w->o->seams, &cuts, &p.ncuts) : WH_OK;
-	p.cuts = cuts;
-	progress_bar_tell(w->bar, "compare", 0, (uint64_t)w->n);
-	if (code == WH_OK)
-		code = load(w, w->mesh[0].path, &input);
+	wh_code code = WH_OK;
 	for (int i = 1; code == WH_OK && i < w->n; i++) {
-		progress_bar_tell(w->bar, "compare", (uint64_t)i, (uint64_t)w->n);
-		code = compare_level(w, &input, &p, &w->mesh[i]);
+		const wh_measure_params p = {.a = w->mesh[0].path,
+		                             .b = w->mesh[i].path,
+		                             .seams = w->o->seams,
+		                             .samples = (uint64_t)w->o->samples,
+		                             .temp_dir = w->o->temp_dir,
+		                             .memory = w->memory,
+		                             .progress = progress_bar_tell,
+		                             .progress_user = w->bar};
+		code = wh_measure_files(w->c, w->ex, &p, &w->mesh[i].distance, NULL);
 	}
-	wh_mesh_free(w->c, &input);
-	wh_free(w->c, cuts);
 	return code;
 }
 

@@ -65,6 +65,7 @@ void page_write_figures(const page_work *w, const page_out *o);
 void page_write_pictures(const page_work *w, const page_out *o);
 void page_write_maps(const page_work *w, const page_out *o);
 void page_write_distances(const page_work *w, const page_out *o);
+void page_write_histograms(const page_work *w, const page_out *o);
 void page_write_seams(const page_work *w, const page_out *o);
 void page_write_view(const page_work *w, const page_out *o);
 void page_write_runs(const page_work *w, const page_out *o);
