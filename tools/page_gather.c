@@ -165,20 +165,42 @@ wh_code page_pictures(page_work *w)
 
 /* ---- distances ------------------------------------------------------------------------------ */
 
+/* A context for calls that take a ceiling for the process to be theirs alone: with an account of
+ * its own, beside what the page holds already. *memory is what that leaves. */
+static wh_ctx open_account(const page_work *w, wh_mem *mem, size_t *memory)
+{
+	const size_t held = atomic_load(&w->c->mem->used);
+	wh_ctx c = wh_ctx_fork(w->c);
+	*mem = (wh_mem){0};
+	c.mem = mem;
+	*memory = w->memory > held ? w->memory - held : 1;
+	return c;
+}
+
+static wh_code measure_level(page_work *w, page_mesh *level)
+{
+	wh_mem mem;
+	size_t memory;
+	wh_ctx c = open_account(w, &mem, &memory);
+	const wh_measure_params p = {.a = w->mesh[0].path,
+	                             .b = level->path,
+	                             .seams = w->o->seams,
+	                             .samples = (uint64_t)w->o->samples,
+	                             .temp_dir = w->o->temp_dir,
+	                             .memory = memory,
+	                             .progress = progress_bar_tell,
+	                             .progress_user = w->bar};
+	const wh_code code = wh_measure_files(&c, w->ex, &p, &level->distance, NULL);
+	if (code != WH_OK)
+		w->c->err = c.err;
+	return code;
+}
+
 wh_code page_compare(page_work *w)
 {
 	wh_code code = WH_OK;
-	for (int i = 1; code == WH_OK && i < w->n; i++) {
-		const wh_measure_params p = {.a = w->mesh[0].path,
-		                             .b = w->mesh[i].path,
-		                             .seams = w->o->seams,
-		                             .samples = (uint64_t)w->o->samples,
-		                             .temp_dir = w->o->temp_dir,
-		                             .memory = w->memory,
-		                             .progress = progress_bar_tell,
-		                             .progress_user = w->bar};
-		code = wh_measure_files(w->c, w->ex, &p, &w->mesh[i].distance, NULL);
-	}
+	for (int i = 1; code == WH_OK && i < w->n; i++)
+		code = measure_level(w, &w->mesh[i]);
 	return code;
 }
 
@@ -189,17 +211,17 @@ static wh_code reduce_level(page_work *w, const page_mesh *level, const char *to
 {
 	wh_reduce_params p = wh_reduce_defaults();
 	wh_reduce_report r;
+	wh_mem mem;
+	wh_ctx own = open_account(w, &mem, &p.memory);
 	p.input = level->path;
 	p.output = to;
 	p.force = true;
 	p.attributes = "none";
 	p.faces = (uint64_t)w->o->shown;
-	p.memory = w->memory;
 	p.threads = w->ex->workers;
 	p.temp_dir = w->o->temp_dir;
 	p.progress = progress_bar_tell;
 	p.progress_user = w->bar;
-	wh_ctx own = wh_ctx_fork(w->c);
 	const wh_code code = wh_reduce(&own, &p, &r);
 	if (code == WH_E_TARGET) /* it is as small as it gets, and the page tells how small */
 		return WH_OK;
