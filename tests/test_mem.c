@@ -74,8 +74,32 @@ static void held_and_kept_stay_within_the_peak(void **state)
 			wh_free(&t.ctx, block[i]);
 		assert_true(t.mem.used + t.mem.kept_bytes <= t.mem.peak);
 	}
-	wh_mem_trim(&t.ctx);
+	wh_free(&t.ctx, hold); /* nothing is held */
 	assert_int_equal(t.mem.kept_bytes, 0);
+	testing_done(&t);
+}
+
+static void blocks_that_touch_are_kept_as_one(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	char *hold = wh_alloc(&t.ctx, 1, 1);
+	wh_free(&t.ctx, wh_alloc(&t.ctx, 4, MIB));
+	char *part[8]; /* cut from the one that is kept */
+	for (size_t i = 0; i < 8; i++)
+		part[i] = wh_alloc(&t.ctx, 500, KIB);
+	for (size_t i = 0; i < 8; i++)
+		wh_free(&t.ctx, part[(3 * i) % 8]);
+#ifndef WH_SANITIZED
+	assert_int_equal(t.mem.n_kept, 1);
+#endif
+	char *whole = wh_alloc(&t.ctx, 3900, KIB);
+	memset(whole, 9, 3900 * KIB);
+	whole = wh_resize(&t.ctx, whole, 6, MIB);
+	assert_true(all_are(whole, 3900 * KIB, 9));
+	assert_true(t.mem.used + t.mem.kept_bytes <= t.mem.peak);
+	wh_free(&t.ctx, whole);
 	wh_free(&t.ctx, hold);
 	testing_done(&t);
 }
@@ -123,6 +147,7 @@ int main(void)
 	    cmocka_unit_test(blocks_are_aligned_and_counted),
 	    cmocka_unit_test(a_freed_block_serves_again_and_is_cleared_where_asked),
 	    cmocka_unit_test(held_and_kept_stay_within_the_peak),
+	    cmocka_unit_test(blocks_that_touch_are_kept_as_one),
 	    cmocka_unit_test(resizing_keeps_what_is_in_a_block),
 	    cmocka_unit_test(what_does_not_fit_the_limit_is_refused),
 	};

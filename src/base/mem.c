@@ -65,12 +65,20 @@ static void *refuse(wh_ctx *c, size_t bytes)
 	return NULL;
 }
 
+static size_t whole_pages(size_t bytes)
+{
+	const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+	return (bytes + page - 1) / page * page;
+}
+
+/* What a block takes: whole pages where it has pages of its own. 0: too much. */
 static size_t total_bytes(size_t count, size_t size)
 {
 	size_t bytes;
 	if (__builtin_mul_overflow(count, size, &bytes) || bytes > SIZE_MAX / 2)
 		return 0;
-	return bytes + ALIGN;
+	bytes += ALIGN;
+	return bytes < MAP_FROM ? bytes : whole_pages(bytes);
 }
 
 /* ---- freed blocks that are kept ------------------------------------------------------------- */
@@ -96,9 +104,32 @@ static void unlock(wh_mem *m)
 static wh_kept take_kept(wh_mem *m, uint32_t i)
 {
 	const wh_kept k = m->kept[i];
-	m->kept[i] = m->kept[--m->n_kept];
+	m->n_kept--;
+	memmove(&m->kept[i], &m->kept[i + 1], (m->n_kept - i) * sizeof k);
 	m->kept_bytes -= k.bytes;
 	return k;
+}
+
+/* Puts a block in its place among those kept; one with those that it touches. False: no room. */
+static bool put_kept(wh_mem *m, char *at, size_t bytes)
+{
+	uint32_t i = 0;
+	while (i < m->n_kept && m->kept[i].at < at)
+		i++;
+	if (i > 0 && m->kept[i - 1].at + m->kept[i - 1].bytes == at) {
+		const wh_kept before = take_kept(m, --i);
+		at = before.at;
+		bytes += before.bytes;
+	}
+	if (i < m->n_kept && at + bytes == m->kept[i].at)
+		bytes += take_kept(m, i).bytes;
+	if (m->n_kept >= MOST_KEPT)
+		return false;
+	memmove(&m->kept[i + 1], &m->kept[i], (m->n_kept - i) * sizeof *m->kept);
+	m->kept[i] = (wh_kept){at, bytes};
+	m->n_kept++;
+	m->kept_bytes += bytes;
+	return true;
 }
 
 /* The place of the smallest kept block of so many bytes, else of the largest of all. */
@@ -128,12 +159,8 @@ static void trim(wh_mem *m, bool all)
 static void keep(wh_mem *m, void *at, size_t bytes)
 {
 	lock(m);
-	const bool fits = m->n_kept < MOST_KEPT &&
-	                  atomic_load(&m->used) + m->kept_bytes + bytes <= atomic_load(&m->peak);
-	if (fits) {
-		m->kept[m->n_kept++] = (wh_kept){at, bytes};
-		m->kept_bytes += bytes;
-	}
+	const bool fits = atomic_load(&m->used) + m->kept_bytes + bytes <= atomic_load(&m->peak) &&
+	                  put_kept(m, at, bytes);
 	unlock(m);
 	if (!fits)
 		(void)munmap(at, bytes);
@@ -155,17 +182,11 @@ static void *reuse(wh_mem *m, size_t bytes)
 	void *p = mremap(k.at, k.bytes, bytes, MREMAP_MAYMOVE);
 	if (p != MAP_FAILED)
 		return p;
-	(void)munmap(k.at, k.bytes);
+	keep(m, k.at, k.bytes);
 	return NULL;
 }
 
 /* ---- blocks --------------------------------------------------------------------------------- */
-
-static size_t whole_pages(size_t bytes)
-{
-	const size_t page = (size_t)sysconf(_SC_PAGESIZE);
-	return (bytes + page - 1) / page * page;
-}
 
 static void *map(wh_mem *m, size_t bytes)
 {
@@ -175,6 +196,21 @@ static void *map(wh_mem *m, size_t bytes)
 	trim(m, true);
 	p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
 	return p == MAP_FAILED ? NULL : p;
+}
+
+/* A block with pages of its own, larger or smaller. One that was put together of several may not be
+ * moved as a whole: then it is copied. NULL: neither was possible. */
+static void *move(wh_mem *m, void *block, size_t old, size_t bytes)
+{
+	void *p = mremap(block, old, bytes, MREMAP_MAYMOVE);
+	if (p != MAP_FAILED)
+		return p;
+	p = map(m, bytes);
+	if (!p)
+		return NULL;
+	memcpy(p, block, old < bytes ? old : bytes);
+	(void)munmap(block, old);
+	return p;
 }
 
 /* A block that the account has room for. */
@@ -187,13 +223,13 @@ static head *take(wh_mem *m, size_t total)
 			h->origin = FROM_LIBRARY;
 		return h;
 	}
-	h = reuse(m, whole_pages(total));
+	h = reuse(m, total);
 	if (h) {
 		h->origin = KEPT;
 		return h;
 	}
 	trim(m, false);
-	h = map(m, whole_pages(total));
+	h = map(m, total);
 	if (h)
 		h->origin = FRESH;
 	return h;
@@ -247,8 +283,8 @@ void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size)
 		if (total > old && !account_take(c->mem, total - old))
 			return refuse(c, total - old);
 		trim(c->mem, false);
-		void *p = mremap(h, whole_pages(old), whole_pages(total), MREMAP_MAYMOVE);
-		if (p == MAP_FAILED) {
+		void *p = move(c->mem, h, old, total);
+		if (!p) {
 			if (total > old)
 				atomic_fetch_sub(&c->mem->used, total - old);
 			return refuse(c, total);
@@ -277,7 +313,7 @@ void wh_free(wh_ctx *c, void *block)
 	if (h->origin == FROM_LIBRARY)
 		free(h);
 	else
-		keep(c->mem, h, whole_pages(total));
+		keep(c->mem, h, total);
 	if (was_last)
 		trim(c->mem, true);
 }

@@ -2,10 +2,11 @@
  * mem: all of whittle's memory, counted against one account.
  *
  * Blocks of 128 KiB and more come straight from the system; smaller ones from the C library. A
- * large block that is freed is kept for the next one, as fresh pages cost more than most work that
- * is done in them, but never so that held and kept blocks together exceed the account's peak: peak
- * RSS can be predicted as if all went back. Everything has gone back when nothing is held. Every
- * block is aligned to 64 bytes. Sizes are checked for overflow. Thread-safe.
+ * large block that is freed is kept for the next ones, cut or put together with others as they want
+ * it, as fresh pages cost more than most work that is done in them; but never so that held and kept
+ * blocks together exceed the account's peak: peak RSS can be predicted as if all went back.
+ * Everything has gone back when nothing is held. Every block is aligned to 64 bytes. Sizes are
+ * checked for overflow. Thread-safe.
  */
 #ifndef WH_BASE_MEM_H
 #define WH_BASE_MEM_H
@@ -14,11 +15,11 @@
 
 #include <stdatomic.h>
 
-enum { WH_MEM_KEPT = 64 }; /* freed blocks that are kept, at most */
+enum { WH_MEM_KEPT = 256 }; /* freed blocks that are kept, at most */
 
 /* A freed block of the system's. */
 typedef struct wh_kept {
-	void *at;
+	char *at;
 	size_t bytes;
 } wh_kept;
 
@@ -32,7 +33,7 @@ typedef struct wh_mem {
 	_Atomic bool busy; /* guards what follows */
 	size_t kept_bytes;
 	uint32_t n_kept;
-	wh_kept kept[WH_MEM_KEPT];
+	wh_kept kept[WH_MEM_KEPT]; /* by address; no two touch */
 } wh_mem;
 
 /* count * size bytes, uninitialised. NULL, with the failure recorded, when refused or
@@ -52,7 +53,8 @@ void *wh_resize(wh_ctx *c, void *block, size_t count, size_t size);
 /* Frees a block of wh_alloc and friends; NULL is allowed. */
 void wh_free(wh_ctx *c, void *block);
 
-/* Gives the kept blocks back: before a stage that has no use for blocks of their sizes. */
+/* Gives the kept blocks back: before a stage that touches less of its memory than the one before.
+ */
 void wh_mem_trim(wh_ctx *c);
 
 /* Makes room for at least `need` elements in a growing array: doubles *cap when it is too small.

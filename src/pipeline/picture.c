@@ -293,7 +293,6 @@ static wh_code draw_cell(wh_draw *d, wh_draw_cell *cell)
 	wh_scene_close(d->c, &scene);
 	const uint64_t windows = s.window && src->nf ? (src->nv + s.window - 1) / s.window : 1;
 	d->r->windows = windows > d->r->windows ? windows : d->r->windows;
-	wh_mem_trim(d->c);
 	return code;
 }
 
@@ -433,7 +432,6 @@ wh_code wh_picture(wh_ctx *c, const wh_exec *ex, const wh_picture_params *p, wh_
 	wh_outfile_abort(c, &out);
 	free_pixels(&d);
 	wh_spill_close(c, &d.spill);
-	wh_mem_trim(c);
 	c->mem->limit = old_limit;
 	return code;
 }

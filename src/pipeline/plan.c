@@ -108,6 +108,7 @@ static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
 static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
 static const double SAVE_BUFFER = 256 * 1024;
+static const double KEPT_FREE = 1.6 * 1048576; /* in a round: freed blocks that fit nowhere */
 enum { MIB = 1024 * 1024 };
 /* The share that a round keeps at which its borders add a third of what they hold. */
 static const double BORDER_FADES = 0.108;
@@ -224,7 +225,8 @@ static void round_of(forecast *f, double keep)
 	const double whole =
 	    cut ? (wh_plan_keep_micro(&f->q->sizes, keep) + MICRO_LEFT) * nf + micro : nf;
 	const double expect = loaded(f, nf) + (cut ? TOUCHED_CUT * nf : 0) +
-	                      (TOUCHED_ROUND + state_of(f)) * fmin(whole, nf + micro) + SAVE_BUFFER;
+	                      (TOUCHED_ROUND + state_of(f)) * fmin(whole, nf + micro) +
+	                      SAVE_BUFFER + (cut ? KEPT_FREE : 0);
 	stage(f, WH_PLAN_ROUND, cluster_need(f, nf), busy(f, expect));
 	const double border =
 	    BORDER_LEFT / sqrt(f->faces / f->clusters) * exp(-pow(keep / BORDER_FADES, 2));

@@ -198,10 +198,7 @@ static wh_code ingest_once(wh_run *r)
 	                      .digest = r->journaled ? &r->digest : NULL};
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	r->store = (wh_store){.spill = &r->spill, .generation = r->generations++};
-	const wh_code code =
-	    wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
-	wh_mem_trim(r->c);
-	return code;
+	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
 }
 
 static void count_input_reads(wh_run *r)
