@@ -1,5 +1,6 @@
 /* whittle compare: the two-sided distance of two meshes as a table or as JSON. */
 #include "cmd.h"
+#include "compare_json.h"
 #include "compare_seams.h"
 
 #include "progress_bar.h"
@@ -160,34 +161,6 @@ static wh_code compare_files(cmd_env *e, const options *o, results *r)
 	return code;
 }
 
-/* One figure of a distance. */
-typedef struct row {
-	const char *key;
-	const char *text;
-	size_t offset; /* of a double in wh_distance */
-} row;
-
-static const row rows[] = {
-    {"mean", "mean", offsetof(wh_distance, mean)}, {"rms", "RMS", offsetof(wh_distance, rms)},
-    {"max", "max", offsetof(wh_distance, max)},    {"p50", "50 %", offsetof(wh_distance, p50)},
-    {"p90", "90 %", offsetof(wh_distance, p90)},   {"p99", "99 %", offsetof(wh_distance, p99)},
-};
-
-enum { NROWS = sizeof rows / sizeof rows[0] };
-
-static double value_of(const wh_distance *d, const row *w)
-{
-	double v;
-	memcpy(&v, (const char *)d + w->offset, sizeof v);
-	return v;
-}
-
-/* In millionths of the diagonal; 0 when there is none. */
-static double millionths(double x, double diagonal)
-{
-	return diagonal > 0 ? x / diagonal * 1e6 : 0;
-}
-
 static const double MOST_DIGITS = 1e7; /* larger numbers have no room in a column */
 
 static void print_row(const char *text, const double x[3], const char *format)
@@ -202,12 +175,12 @@ static void print_block(const wh_compare *r, const char *title, double factor, c
 {
 	const wh_distance *const d[] = {&r->a_to_b, &r->b_to_a, &r->both};
 	(void)printf("%s\n", title);
-	for (int i = 0; i < NROWS; i++) {
+	for (int i = 0; i < COMPARE_ROWS; i++) {
 		double x[3];
 		char text[32];
 		for (int k = 0; k < 3; k++)
-			x[k] = value_of(d[k], rows + i) * factor;
-		(void)snprintf(text, sizeof text, "  %s", rows[i].text);
+			x[k] = compare_value(d[k], compare_rows + i) * factor;
+		(void)snprintf(text, sizeof text, "  %s", compare_rows[i].text);
 		print_row(text, x, format);
 	}
 }
@@ -234,7 +207,7 @@ static void print_colours(const wh_compare *r)
 
 static void print_table(const wh_compare *r)
 {
-	const double percent = millionths(1, r->diagonal) / 1e4;
+	const double percent = compare_millionths(1, r->diagonal) / 1e4;
 	(void)printf("%-26s%14s%14s%14s\n", "", "A to B", "B to A", "both");
 	print_block(r, "distance", 1, "%14.6g");
 	print_block(r, "% of the diagonal", percent, "%14.6f");
@@ -247,62 +220,7 @@ static void print_table(const wh_compare *r)
 	             r->a_to_b.vertices, r->b_to_a.vertices, r->both.vertices);
 	(void)printf("%-26s%14.9g\n", "diagonal of A", r->diagonal);
 	(void)printf("%-26s%14.6g = %.2f millionths of the diagonal\n", "larger RMS", r->rms,
-	             millionths(r->rms, r->diagonal));
-}
-
-/* {"mean": x, ...}, all times the factor. */
-static json_t *json_figures(const wh_distance *d, double factor)
-{
-	json_t *j = json_object();
-	for (int i = 0; i < NROWS; i++)
-		(void)json_object_set_new(j, rows[i].key,
-		                          json_real(value_of(d, rows + i) * factor));
-	return j;
-}
-
-static json_t *json_normals(const wh_distance *d)
-{
-	json_t *j = json_object();
-	(void)json_object_set_new(j, "mean", json_real(d->normal_mean));
-	(void)json_object_set_new(j, "rms", json_real(d->normal_rms));
-	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->normals));
-	return j;
-}
-
-static json_t *json_colours(const wh_distance *d)
-{
-	json_t *j = json_object();
-	(void)json_object_set_new(j, "mean", json_real(d->colour_mean));
-	(void)json_object_set_new(j, "rms", json_real(d->colour_rms));
-	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->colours));
-	return j;
-}
-
-/* {"end": [upper ends of the bins], "count": [samples in them]} */
-static json_t *json_histogram(const wh_histogram *h)
-{
-	json_t *j = json_object(), *end = json_array(), *count = json_array();
-	for (int i = 0; i < WH_HISTOGRAM; i++) {
-		(void)json_array_append_new(end, json_real(h->end[i]));
-		(void)json_array_append_new(count, json_integer((json_int_t)h->count[i]));
-	}
-	(void)json_object_set_new(j, "end", end);
-	(void)json_object_set_new(j, "count", count);
-	return j;
-}
-
-static json_t *json_side(const wh_distance *d, double diagonal)
-{
-	json_t *j = json_figures(d, 1);
-	(void)json_object_set_new(j, "samples", json_integer((json_int_t)d->samples));
-	(void)json_object_set_new(j, "vertices", json_integer((json_int_t)d->vertices));
-	(void)json_object_set_new(j, "normal", json_normals(d));
-	if (d->colours > 0)
-		(void)json_object_set_new(j, "colour", json_colours(d));
-	(void)json_object_set_new(j, "percent", json_figures(d, millionths(1, diagonal) / 1e4));
-	(void)json_object_set_new(j, "millionths", json_figures(d, millionths(1, diagonal)));
-	(void)json_object_set_new(j, "histogram", json_histogram(&d->histogram));
-	return j;
+	             compare_millionths(r->rms, r->diagonal));
 }
 
 static json_t *json_seams(const options *o, const results *r)
@@ -322,15 +240,7 @@ static wh_code print_json(wh_ctx *c, const options *o, const results *all)
 	json_t *j = json_object();
 	int bad = json_object_set_new(j, "a", json_path(o->path[0]));
 	bad |= json_object_set_new(j, "b", json_path(o->path[1]));
-	bad |= json_object_set_new(j, "diagonal", json_real(r->diagonal));
-	bad |= json_object_set_new(j, "rms", json_real(r->rms));
-	bad |= json_object_set_new(j, "rms_millionths", json_real(millionths(r->rms, r->diagonal)));
-	bad |= json_object_set_new(j, "normal_rms", json_real(r->normal_rms));
-	if (r->both.colours > 0)
-		bad |= json_object_set_new(j, "colour_rms", json_real(r->colour_rms));
-	bad |= json_object_set_new(j, "a_to_b", json_side(&r->a_to_b, r->diagonal));
-	bad |= json_object_set_new(j, "b_to_a", json_side(&r->b_to_a, r->diagonal));
-	bad |= json_object_set_new(j, "both", json_side(&r->both, r->diagonal));
+	bad |= compare_json_fill(j, r);
 	if (o->seams)
 		bad |= json_object_set_new(j, "seams", json_seams(o, all));
 	if (!bad)

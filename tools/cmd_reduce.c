@@ -1,11 +1,14 @@
 /* whittle reduce: options -> parameters -> one call -> words, report, exit status. */
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
+#include "compare_json.h"
 #include "progress_bar.h"
 #include "reduce_options.h"
 #include "reduce_report.h"
 #include "reduce_run.h"
 #include "whittle.h"
+
+#include "pipeline/measure.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -54,6 +57,7 @@ static const char help[] =
     "      --ascii           text instead of binary (PLY, STL)\n"
     "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
     "      --report FILE     what was done, as JSON\n"
+    "      --measure         how far the result is from IN, in the summary and the report\n"
     "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
     "  -f, --force           write over existing outputs\n"
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
@@ -102,6 +106,23 @@ static int check_seams_name(const reduce_options *o)
 	    (o->report && same_file(seams, o->report)))
 		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
 		                       seams);
+	return WH_OK;
+}
+
+/* Both meshes are read again, from where they lie. */
+static int check_measure(const reduce_options *o)
+{
+	const wh_reduce_params *p = &o->params;
+	if (!o->measure)
+		return WH_OK;
+	if (is_dash(p->output) || same_file(p->input, p->output))
+		return cmd_usage_error("reduce",
+		                       "--measure needs an output that is a file of its own");
+	if (is_dash(p->seams))
+		return cmd_usage_error("reduce", "--measure needs --seams to be a file");
+	if ((p->to && strncmp(p->to, "glb", 3) == 0) ||
+	    (!p->to && wh_format_of_name(p->output) == WH_FORMAT_GLB))
+		return cmd_usage_error("reduce", "--measure cannot read glb: write another format");
 	return WH_OK;
 }
 
@@ -333,21 +354,68 @@ static int tell_rank_failure(const reduce_options *o, const cmd_env *env, const 
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
+/* The distance of the input from the result, by the same means. */
+static wh_code measure(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
+                       wh_compare *measured)
+{
+	progress_bar bar;
+	wh_ctx c = wh_ctx_fork(&env->ctx);
+	const wh_exec ex = {.workers = r->threads};
+	const wh_measure_params p = {.a = o->params.input,
+	                             .b = o->params.output,
+	                             .seams = o->params.seams,
+	                             .temp_dir = o->params.temp_dir,
+	                             .memory = r->memory_ceiling,
+	                             .progress = progress_bar_tell,
+	                             .progress_user = &bar};
+	progress_bar_init(&bar, !o->quiet && !o->no_progress);
+	const wh_code code = wh_measure_files(&c, &ex, &p, measured, NULL);
+	progress_bar_end(&bar);
+	if (code != WH_OK)
+		(void)fprintf(stderr,
+		              "whittle %s: the mesh was written, but its distance not measured: "
+		              "%s\n",
+		              env->name, c.err.text);
+	return code;
+}
+
+static void print_measured(FILE *f, const wh_compare *m)
+{
+	(void)fprintf(f,
+	              "measured: RMS %.6g (%.2f millionths of the diagonal), mean %.6g, 99 %% "
+	              "%.6g, max %.6g\n",
+	              m->rms, compare_millionths(m->rms, m->diagonal), m->both.mean, m->both.p99,
+	              m->both.max);
+	if (m->banded)
+		(void)fprintf(f, "along the seams: RMS %.6g, elsewhere %.6g\n", m->band.rms,
+		              m->interior.rms);
+}
+
 /* Words and report of a run that has come to its end. */
 static int tell_result(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
                        wh_code code)
 {
+	FILE *words = prints_output(o) ? stderr : stdout;
+	wh_compare measured;
 	if (!o->quiet)
-		print_summary(prints_output(o) ? stderr : stdout, o, r);
-	if (o->report && reduce_report_write(env, o->report, &o->params, r) != 0)
+		print_summary(words, o, r);
+	const wh_code failed = o->measure ? measure(o, env, r, &measured) : WH_OK;
+	const bool known = o->measure && failed == WH_OK;
+	if (known && !o->quiet)
+		print_measured(words, &measured);
+	if (o->report &&
+	    reduce_report_write(env, o->report, &o->params, r, known ? &measured : NULL) != 0)
 		return WH_E_RUN;
+	if (failed != WH_OK)
+		return failed == WH_E_INTERRUPT ? cmd_report_failure(env) : (int)failed;
 	return code == WH_OK ? WH_OK : cmd_report_failure(env);
 }
 
 int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 {
 	const bool last = o->params.stage == WH_STAGE_ALL || o->params.stage == WH_STAGE_FINISH;
-	if (last && (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK))
+	if (last && (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
+	             check_measure(o) != WH_OK))
 		return WH_E_USAGE;
 	cmd_env env;
 	cmd_env_init(&env, name);
@@ -383,7 +451,8 @@ int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 static int run_rank(reduce_options *o, int argc, char **argv)
 {
 	cmd_env env;
-	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
+	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
+	    check_measure(o) != WH_OK)
 		return WH_E_USAGE;
 	cmd_env_init(&env, "reduce");
 	cmd_stop_on_usr1();

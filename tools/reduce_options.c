@@ -37,6 +37,7 @@ enum {
 	OPT_MICRO,
 	OPT_FINAL,
 	OPT_NO_PROGRESS,
+	OPT_MEASURE,
 	OPT_JSON
 };
 
@@ -75,6 +76,7 @@ static const struct option long_options[] = {
     {"quiet", no_argument, NULL, 'q'},
     {"verbose", no_argument, NULL, 'v'},
     {"no-progress", no_argument, NULL, OPT_NO_PROGRESS},
+    {"measure", no_argument, NULL, OPT_MEASURE},
     {"json", no_argument, NULL, OPT_JSON},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -162,6 +164,8 @@ static bool *switch_of(reduce_options *o, int opt)
 		return &o->verbose;
 	case OPT_NO_PROGRESS:
 		return &o->no_progress;
+	case OPT_MEASURE:
+		return &o->measure;
 	case OPT_JSON:
 		return &o->json;
 	case 'h':

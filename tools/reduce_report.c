@@ -1,5 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 #include "reduce_report.h"
+#include "compare_json.h"
+#include "compare_seams.h"
 
 #include "io/outfile.h"
 
@@ -203,6 +205,17 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 }
 
+/* a is the input, b the output. */
+static void put_measured(json_t *root, const wh_compare *measured)
+{
+	if (!measured)
+		return;
+	json_t *o = put_object(root, "measured");
+	(void)compare_json_fill(o, measured);
+	if (measured->banded)
+		(void)json_object_set_new(o, "seams", compare_seams_json(measured, NULL));
+}
+
 static wh_code write_text(wh_ctx *c, const char *path, bool force, const json_t *root)
 {
 	wh_outfile *o;
@@ -234,7 +247,7 @@ int reduce_report_try(const cmd_env *e, const char *path, bool force)
 }
 
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
-                        const wh_reduce_report *r)
+                        const wh_reduce_report *r, const wh_compare *measured)
 {
 	json_t *root = json_object();
 	put_text(root, "version", WHITTLE_VERSION);
@@ -244,6 +257,7 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_outcome(root, r);
 	put_levels(root, p, r);
 	put_costs(root, r);
+	put_measured(root, measured);
 	wh_ctx c = wh_ctx_fork(&e->ctx);
 	const wh_code code = write_text(&c, path, p->force, root);
 	json_decref(root);

@@ -89,6 +89,17 @@ done
 expect 0 "$WHITTLE" compare a.ply cut.ply --samples 1K --seams none.ply --json
 grep -q '"rms_ratio": null' out || fail "no null for a ratio that is undefined"
 
+# reduce measures its result by itself, with the same figures
+expect 0 "$WHITTLE" reduce b.ply -o measured.ply --faces 30% --measure --seams points.ply --report report.json
+grep -q '^measured: RMS ' out && grep -q '^along the seams: RMS ' out || fail "not measured: $(cat out)"
+rms=$(sed -n 's/^measured: RMS [^(]*(\([0-9.]*\) mill.*/\1/p' out)
+grep -q '"regions": ' report.json || fail "no regions in the report"
+expect 0 "$WHITTLE" compare b.ply measured.ply
+grep -q "^larger RMS .* = $rms millionths" out || fail "compare says otherwise than $rms"
+expect 2 "$WHITTLE" reduce b.ply -o - --faces 30% --measure
+expect 2 "$WHITTLE" reduce b.ply -o b.ply -f --faces 30% --measure
+expect 2 "$WHITTLE" reduce b.ply -o b.glb --faces 30% --measure
+
 # refusals
 expect 2 "$WHITTLE" compare a.ply b.ply --reference b.ply
 expect 3 "$WHITTLE" compare a.ply b.ply --seams low.ply
