@@ -21,7 +21,8 @@ static void reduces(fixture *f)
 	assert_true(f->report.memory_peak <= f->params.memory);
 	uint64_t most = 0; /* of any phase: what is held between them is little */
 	for (int i = 0; i < WH_PHASES; i++)
-		most = f->report.phase[i].memory_peak > most ? f->report.phase[i].memory_peak : most;
+		most =
+		    f->report.phase[i].memory_peak > most ? f->report.phase[i].memory_peak : most;
 	assert_in_range(most, f->report.memory_peak / 10 * 9, f->report.memory_peak);
 }
 

@@ -108,14 +108,10 @@ static const field choice_fields[] = {
 };
 
 static const field phase_fields[] = {
-    ROW(wh_phase_report, REAL, seconds),
-    ROW(wh_phase_report, REAL, serial),
-    ROW(wh_phase_report, REAL, busy),
-    ROWS(wh_phase_report, REAL, model, WH_SCALING),
-    ROW(wh_phase_report, NUMBER, bytes_read),
-    ROW(wh_phase_report, NUMBER, bytes_written),
-    ROW(wh_phase_report, NUMBER, memory_peak),
-    END,
+    ROW(wh_phase_report, REAL, seconds),       ROW(wh_phase_report, REAL, serial),
+    ROW(wh_phase_report, REAL, busy),          ROWS(wh_phase_report, REAL, model, WH_SCALING),
+    ROW(wh_phase_report, NUMBER, bytes_read),  ROW(wh_phase_report, NUMBER, bytes_written),
+    ROW(wh_phase_report, NUMBER, memory_peak), END,
 };
 
 static const field step_fields[] = {
