@@ -291,8 +291,8 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 	const char *temp_dir = r->params->temp_dir;
 	if (take_formats(r) != WH_OK || wh_run_take_policy(r) != WH_OK ||
 	    (temp_dir && wh_spill_open(r->c, &r->spill, temp_dir, NULL) != WH_OK) ||
-	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
-	                  wh_run_attributes(r), &r->input) != WH_OK)
+	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, wh_run_wanted(r),
+	                  &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=

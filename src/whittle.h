@@ -83,8 +83,9 @@ typedef struct wh_reduce_params {
 	const char *cost, *face_weight, *placement;
 	const wh_own_policy *own; /* a cost of the caller's own, instead; NULL: none */
 
-	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
-	 * commas between them, where colour, normal and texture stand for all of that kind. */
+	/* Scalar properties of vertices, and of faces and their corners, that are carried over:
+	 * NULL or "all"; "none"; or names with commas between them, where colour, normal and
+	 * texture stand for all of that kind. */
 	const char *attributes;
 	/* Attributes in the cost of collapses: NULL, or NAME=W with commas between them, with such
 	 * names. A value that is off by 1 (a colour: as from black to white; a label: at all) costs
@@ -174,7 +175,7 @@ typedef struct wh_reduce_report {
 	uint64_t unreferenced_vertices; /* dropped: in no face */
 	char carried[512]; /* vertex properties besides x, y and z that the output has, by name,
 	                      each kind behind its last: "red, green, blue (colour), nx, ny, nz
-	                      (normal)" */
+	                      (normal)"; then those of corners and faces */
 	char dropped[512]; /* what else the file holds and the output does not, by name,
 	                      comma-separated */
 	double diagonal;   /* of the input's bounding box */

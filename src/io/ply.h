@@ -12,6 +12,7 @@
 
 #include "base/mem.h"
 #include "io/format.h"
+#include "io/names.h"
 
 #include <time.h>
 
@@ -69,6 +70,7 @@ typedef struct wh_ply {
 	char eol;       /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
+	wh_names textures; /* files that comments call TextureFile */
 	size_t header_lines;
 	/* what whittle works on; -1 where the file has none */
 	int vertex;     /* element with x, y, z */
@@ -110,6 +112,7 @@ void wh_ply_find_meaning(wh_ply *p);
 wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p);
 
 struct wh_attributes;
+struct wh_wedges;
 
 /* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
 typedef struct wh_source {
@@ -125,7 +128,9 @@ typedef struct wh_source {
 	const struct wh_attributes *attributes; /* carried beside positions; NULL: none */
 	int afd; /* their records; -1: their scalars lie beside the positions */
 	uint64_t abase;
-	int ffd; /* triangles: */
+	const struct wh_wedges *wedges; /* carried by faces and corners; NULL: nothing. Their
+	                                   records lie at the end of each triangle */
+	int ffd;                        /* triangles: */
 	uint64_t fbase;
 	uint32_t fstride;
 	int64_t count_off; /*   corner count within a face; -1: none stored, always 3 */
@@ -180,6 +185,7 @@ typedef struct wh_ply_style {
 	wh_format format;                       /* of mesh_write; WH_FORMAT_ANY is PLY */
 	bool quantize;                          /* GLB: positions of 16 bits, the rest of 8 */
 	const struct wh_attributes *attributes; /* written beside positions; NULL: none */
+	const struct wh_wedges *wedges; /* the same of faces, in PLY and OBJ; NULL: nothing */
 } wh_ply_style;
 
 struct wh_outfile;
@@ -194,8 +200,9 @@ wh_code wh_ply_write_vertices(wh_ctx *c, struct wh_outfile *o, wh_ply_style styl
 /* The same with the records of their attributes, where the style has any. */
 wh_code wh_ply_write_records(wh_ctx *c, struct wh_outfile *o, wh_ply_style style, const double *xyz,
                              const uint8_t *records, size_t n);
-/* Appends n triangles (3n indices). */
+/* Appends n triangles (3n indices), with the records of what they carry where the style has
+ * wedges. */
 wh_code wh_ply_write_triangles(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
-                               const uint32_t *ids, size_t n);
+                               const uint32_t *ids, const uint8_t *records, size_t n);
 
 #endif

@@ -75,6 +75,7 @@ static wh_code eyes_make(wh_ctx *c, store_run *s, int workers, uint64_t max_v, u
 		eye *e = &s->eyes[i];
 		e->work = wh_check_work_new(c);
 		e->patch.attr_bytes = s->store->attr_bytes;
+		e->patch.face_bytes = s->store->face_bytes;
 		if (!e->work ||
 		    wh_store_scratch_fit(c, s->store, &e->scratch, max_v, max_f) != WH_OK ||
 		    wh_patch_reset(c, &e->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
@@ -116,7 +117,8 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 
 size_t wh_inspect_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf, store->attr_bytes) +
+	return wh_store_scratch_bytes(store, nv, nf) +
+	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
 	       wh_check_piece_bytes(nv, nf);
 }
 

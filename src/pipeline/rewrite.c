@@ -7,6 +7,7 @@
 
 #include <inttypes.h>
 #include <math.h>
+#include <string.h>
 
 void wh_rewrite_restart(wh_rewrite *w)
 {
@@ -25,15 +26,21 @@ void wh_rewrite_restart(wh_rewrite *w)
 	}
 	s->vstride = 3 * wh_type_size(type);
 	s->attributes = w->attributes;
+	s->wedges = w->wedges;
 	s->afd = w->fd;
 	s->abase = s->nv * s->vstride;
 	w->end = s->abase + s->nv * wh_rewrite_record(w);
 }
 
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply, const wh_attributes *attributes)
+                        const wh_ply *ply, const wh_attributes *attributes, const wh_wedges *wedges)
 {
-	*w = (wh_rewrite){.ply = ply, .attributes = attributes, .ex = ex, .spill = spill, .fd = -1};
+	*w = (wh_rewrite){.ply = ply,
+	                  .attributes = attributes,
+	                  .wedges = wedges,
+	                  .ex = ex,
+	                  .spill = spill,
+	                  .fd = -1};
 	w->facers = wh_calloc(c, (size_t)ex->workers, sizeof *w->facers);
 	if (!w->facers)
 		return c->err.code;
@@ -154,7 +161,7 @@ wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)
 	s->fbase = w->end;
 	s->nf = 0;
 	s->itype = s->nv > UINT32_MAX ? WH_U64 : WH_U32;
-	s->fstride = 3 * wh_type_size(s->itype);
+	s->fstride = 3 * wh_type_size(s->itype) + (w->wedges ? w->wedges->bytes : 0);
 	s->count_off = -1;
 	w->polygons = w->degenerate = 0;
 	for (int i = 0; i < w->ex->workers; i++) {
@@ -162,6 +169,18 @@ wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)
 		w->facers[i].polygons = w->facers[i].degenerate = 0;
 	}
 	return wh_poll(c);
+}
+
+uint8_t *wh_rewrite_carried(wh_ctx *c, const wh_rewrite *w, uint8_t **room, size_t *cap, size_t n)
+{
+	const wh_wedges *we = w->wedges;
+	const size_t corners = n * we->corner.bytes;
+	if (wh_reserve(c, room, cap, corners + we->face.bytes + 1, 1) != WH_OK)
+		return NULL;
+	for (size_t i = 0; i < n; i++)
+		wh_wedges_no_corner(we, *room + i * we->corner.bytes);
+	memset(*room + corners, 0, we->face.bytes);
+	return *room;
 }
 
 wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f)

@@ -4,7 +4,8 @@
  * What the three ways of rewriting (binary, text by lines, text by words) share. Internal to the
  * normalise module. The temporary file begins with the vertices (three floats or doubles each) and
  * the records of their attributes, if any, unless they can be read from the user's file; then
- * triangles of three 32- or 64-bit indices, in the host's byte order and the file's order.
+ * triangles of three 32- or 64-bit indices and what the face carries, in the host's byte order and
+ * the file's order.
  */
 #ifndef WH_PIPELINE_REWRITE_H
 #define WH_PIPELINE_REWRITE_H
@@ -17,6 +18,7 @@
 typedef struct wh_rewrite {
 	const wh_ply *ply;
 	const wh_attributes *attributes; /* NULL: none */
+	const wh_wedges *wedges;         /* NULL: faces carry nothing */
 	const wh_exec *ex;
 	wh_spill *spill;
 	int fd;            /* the temporary file */
@@ -32,7 +34,8 @@ typedef struct wh_rewrite {
 
 /* Makes the temporary file. The vertices will be in it, at its beginning. */
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply, const wh_attributes *attributes);
+                        const wh_ply *ply, const wh_attributes *attributes,
+                        const wh_wedges *wedges);
 /* Forgets what was written: for a second try in another way. */
 void wh_rewrite_restart(wh_rewrite *w);
 /* What the text of a format that declares nothing tells as it is read. */
@@ -85,6 +88,10 @@ static inline size_t wh_rewrite_batch(const wh_rewrite *w)
 
 /* All vertices are written; triangles come next, the facers are empty. */
 wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w);
+
+/* Room for what a face of n corners carries, in *room; all is as for a face of which nothing is
+ * known. NULL: no memory. */
+uint8_t *wh_rewrite_carried(wh_ctx *c, const wh_rewrite *w, uint8_t **room, size_t *cap, size_t n);
 
 /* Appends the facer's triangles to the file and empties it. */
 wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f);

@@ -127,6 +127,7 @@ static const field step_fields[] = {
     ROW(wh_step, NUMBER32, store.coord_bytes),
     ROW(wh_step, NUMBER32, store.vertex_payload),
     ROW(wh_step, NUMBER32, store.attr_bytes),
+    ROW(wh_step, NUMBER32, store.face_bytes),
     ROW(wh_step, FLAG, store.local_corners),
     ROW(wh_step, NUMBER, faces),
     ROW(wh_step, NUMBER, unreferenced),

@@ -43,7 +43,7 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
 	if (wh_input_open_with(r->c, &ex, &r->spill, r->params->input, r->from, rewrite,
-	                       wh_run_attributes(r), &r->input) != WH_OK)
+	                       wh_run_wanted(r), &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
@@ -109,6 +109,38 @@ static bool is_kept(const wh_run *r, int prop)
 	       wh_attributes_find(&r->input.attributes, prop);
 }
 
+/* The same of the faces. */
+static bool is_kept_of_faces(const wh_run *r, int prop)
+{
+	return prop == r->input.ply.corners || wh_wedges_has(&r->input.wedges, prop);
+}
+
+/* OBJ files are described twice over: what their faces carry, and what lines they have. */
+static void note_element(wh_run *r, const char *name)
+{
+	const wh_wedges *w = &r->input.wedges;
+	const bool obj = r->input.ply.kind == WH_FORMAT_OBJ;
+	const bool kept =
+	    (strcmp(name, "texture coordinates") == 0 && w->corner.n) ||
+	    (strcmp(name, "materials") == 0 && w->materials && w->face.n) ||
+	    (strcmp(name, "groups") == 0 && w->groups && w->face.n) ||
+	    (strcmp(name, "material libraries") == 0 && r->to == WH_FORMAT_OBJ && w->bytes);
+	if (!obj || !kept)
+		note_dropped(r->report, name);
+}
+
+/* What faces and corners carry, each name by itself. */
+static void note_wedges(wh_reduce_report *t, const wh_wedges *w)
+{
+	if (w->corner.n)
+		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
+	for (uint32_t i = 0; i < w->face.n; i++) {
+		char name[300];
+		(void)snprintf(name, sizeof name, "%.250s of faces", w->face.item[i].name);
+		note_name(t->carried, sizeof t->carried, name);
+	}
+}
+
 /* What is carried over is named with its kind; so is everything else the file holds. */
 void wh_run_list_dropped(wh_run *r)
 {
@@ -116,10 +148,11 @@ void wh_run_list_dropped(wh_run *r)
 	for (size_t i = 0; i < p->nelems; i++) {
 		const wh_ply_elem *e = &p->elems[i];
 		const bool vertex = (int)i == p->vertex, face = (int)i == p->face;
+		const bool obj_face = face && p->kind == WH_FORMAT_OBJ; /* its lines are named */
 		if (!vertex && !face && (int)i != p->strips)
-			note_dropped(r->report, e->name);
-		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
-			if (vertex ? !is_kept(r, k) : k != p->corners)
+			note_element(r, e->name);
+		for (int k = 0; (vertex || face) && !obj_face && k < (int)e->nprops; k++)
+			if (vertex ? !is_kept(r, k) : !is_kept_of_faces(r, k))
 				note_property(r->report, e->props[k].name, face);
 	}
 	if (r->params->quantize)
@@ -129,6 +162,7 @@ void wh_run_list_dropped(wh_run *r)
 		note_dropped(r->report, "double precision");
 	for (int kind = 0; kind < WH_KINDS; kind++)
 		note_carried(r->report, &r->input.attributes, (wh_kind)kind);
+	note_wedges(r->report, &r->input.wedges);
 }
 
 static wh_plan make_plan(const wh_run *r)

@@ -248,8 +248,8 @@ static void note_sums(wh_run *r)
 static wh_code look(wh_run *r)
 {
 	wh_progress_phase(&r->progress, "open", 1);
-	if (wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
-	                  wh_run_attributes(r), &r->input) != WH_OK)
+	if (wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, wh_run_wanted(r),
+	                  &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	return wh_attributes_weigh(r->c, r->params->input, r->params->weights,

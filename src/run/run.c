@@ -153,7 +153,7 @@ uint64_t wh_run_vertices(const wh_run *r)
 	       (uint64_t)r->work.vertices;
 }
 
-wh_wanted wh_run_attributes(const wh_run *r)
+wh_wanted wh_run_wanted(const wh_run *r)
 {
 	return (wh_wanted){r->params->attributes, wh_mesh_holds(r->to)};
 }
@@ -164,7 +164,8 @@ wh_ply_style wh_run_style(const wh_run *r)
 	                      .is_double = r->input.source.is_double,
 	                      .format = r->to,
 	                      .quantize = r->params->quantize,
-	                      .attributes = r->input.source.attributes};
+	                      .attributes = r->input.source.attributes,
+	                      .wedges = r->input.source.wedges};
 }
 
 wh_code wh_run_take_policy(wh_run *r)
@@ -214,6 +215,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .step = r->ingest.step,
 	                            .policy = policy,
 	                            .attributes = r->input.source.attributes,
+	                            .wedges = r->input.source.wedges,
 	                            .attribute_unit = r->report->diagonal * r->ingest.scale / 100};
 }
 

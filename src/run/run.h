@@ -102,8 +102,8 @@ uint64_t wh_run_vertices(const wh_run *r);
 /* Only the files that ingest wrote hold vertices of no face. */
 void wh_run_note_unreferenced(wh_run *r, uint64_t n);
 
-/* The vertex properties to carry, as far as the output has room for them. */
-wh_wanted wh_run_attributes(const wh_run *r);
+/* The properties to carry, as far as the output has room for them. */
+wh_wanted wh_run_wanted(const wh_run *r);
 wh_ply_style wh_run_style(const wh_run *r);
 wh_simplify_params wh_run_engine(const wh_run *r);
 /* Bytes that the engine keeps for a vertex besides its workspace. */
