@@ -67,6 +67,8 @@ typedef struct wh_ply {
 	bool open_ended; /* text: what is left of an item's line is passed over */
 	bool
 	    undeclared; /* text: coordinates are doubles where their digits tell more than floats */
+	bool keep_invalid; /* set by who opened it: vertices that are not finite are read as they
+	                      are, and polygons that use them left out, instead of refused */
 	char eol;       /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
@@ -125,6 +127,7 @@ typedef struct wh_source {
 	wh_type vtype[3];
 	bool vswap;
 	bool is_double; /* positions have more than float precision: write doubles */
+	bool keep_invalid; /* vertices that are not finite are no failure */
 	const struct wh_attributes *attributes; /* carried beside positions; NULL: none */
 	int afd; /* their records; -1: their scalars lie beside the positions */
 	uint64_t abase;
@@ -159,8 +162,8 @@ size_t wh_source_vertex_bytes(const wh_source *s, size_t n);
 size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
 
 /*
- * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or a
- * coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
+ * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or,
+ * unless keep_invalid is set, a coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
  */
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
                            void *scratch);

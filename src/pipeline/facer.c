@@ -1,5 +1,6 @@
 #include "pipeline/facer.h"
 
+#include <math.h>
 #include <string.h>
 
 void wh_facer_init(wh_facer *f, const wh_source *source)
@@ -106,6 +107,23 @@ static size_t without_repeats(const uint64_t *ids, size_t n, uint64_t *to, uint3
 	return k;
 }
 
+/* Looks at the corners' positions where one of them may not be finite. */
+static wh_code look_for_invalid(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n, bool *found)
+{
+	*found = false;
+	if (!f->source->keep_invalid)
+		return WH_OK;
+	if (prepare(c, f) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n && !*found; i++) {
+		wh_vec3 p;
+		if (wh_positions_get(c, &f->positions, ids[i], &p) != WH_OK)
+			return c->err.code;
+		*found = !isfinite(p.x) || !isfinite(p.y) || !isfinite(p.z);
+	}
+	return WH_OK;
+}
+
 static wh_code add_fan(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n)
 {
 	size_t tip = 0;
@@ -148,6 +166,12 @@ wh_code wh_facer_add(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n)
 	}
 	if (n == 3)
 		return put(c, f, ids, 3, (const uint32_t[]){0, 1, 2});
+	bool invalid;
+	if (look_for_invalid(c, f, ids, n, &invalid) != WH_OK)
+		return c->err.code;
+	f->invalid += invalid;
+	if (invalid)
+		return WH_OK;
 	return n > WH_POLYGON_MOST ? add_fan(c, f, ids, n) : add_polygon(c, f, ids, n);
 }
 

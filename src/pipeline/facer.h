@@ -28,6 +28,7 @@ typedef struct wh_facer {
 	size_t out_cap;      /* in bytes */
 	uint64_t polygons;   /* faces of more than three corners so far */
 	uint64_t degenerate; /* faces of fewer than three different corners so far, left out */
+	uint64_t invalid;    /* polygons with a corner that is not finite so far, left out */
 	/* the strip at hand */
 	uint64_t a, b; /* its last two corners */
 	int have;      /* how many of them there are */

@@ -123,6 +123,7 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
 		in->temp_fd = w.fd;
 		in->polygons = w.polygons;
 		in->degenerate = w.degenerate;
+		in->invalid_polygons = w.invalid;
 	}
 	wh_rewrite_close(c, &w, code == WH_OK);
 	return code;
@@ -261,20 +262,28 @@ static wh_code choose(wh_ctx *c, wh_wanted wanted, wh_input *in)
 	return WH_OK;
 }
 
-wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in)
+wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          const wh_input_how *how, wh_input *in)
 {
-	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
+	wh_code code = wh_input_describe(c, ex, spill, path, how->from, in);
 	if (code != WH_OK)
 		return code;
+	in->ply.keep_invalid = how->keep_invalid;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = choose(c, wanted, in);
+		code = choose(c, how->attributes, in);
 	if (code == WH_OK)
-		code = make_source(c, ex, spill, force_rewrite, in);
+		code = make_source(c, ex, spill, how->rewrite, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
+}
+
+wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
+{
+	const wh_input_how how = {.from = from, .rewrite = force_rewrite, .attributes = attributes};
+	return wh_input_open_how(c, ex, spill, path, &how, in);
 }
 
 /* Vertices of a fixed size, behind others of fixed sizes, are used as they are. */
@@ -414,6 +423,14 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in)
 {
 	return in->unpacked ? WH_OK : wh_ply_unchanged(c, &in->ply); /* then it was read at once */
+}
+
+void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, int fd)
+{
+	if (in->temp_fd >= 0)
+		wh_spill_close_scratch(spill, in->temp_fd);
+	in->temp_fd = fd;
+	in->source = *source;
 }
 
 void wh_input_drop_temp(wh_spill *spill, wh_input *in)

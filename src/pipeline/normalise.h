@@ -31,7 +31,16 @@ typedef struct wh_input {
 	uint64_t polygons; /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
+	uint64_t invalid_polygons; /* with a corner that is not finite, dropped; only when kept */
 } wh_input;
+
+/* How a file is to be opened. */
+typedef struct wh_input_how {
+	wh_format from;         /* its format; WH_FORMAT_ANY: what it looks like */
+	bool rewrite;           /* do not use the body in place (see below) */
+	wh_wanted attributes;   /* vertex properties to read, as wh_attributes_choose says */
+	bool keep_invalid;      /* vertices that are not finite are no failure (io/ply.h) */
+} wh_input_how;
 
 /*
  * Opens the file, unpacks it where it is compressed, and describes it in in->ply, whatever is in
@@ -51,7 +60,10 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       wh_format from, bool force_rewrite, wh_input *in);
-/* The same with what vertices and faces carry besides positions. *in must stay where it is. */
+/* The same with all that can be said about it, such as what vertices and faces carry besides
+ * positions. *in must stay where it is. */
+wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          const wh_input_how *how, wh_input *in);
 wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                            wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
 /*
@@ -65,6 +77,9 @@ wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                           wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
+
+/* A body that was made out of this one's takes its place, in the scratch file fd. */
+void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, int fd);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
 uint64_t wh_input_temp_bytes(const wh_input *in);

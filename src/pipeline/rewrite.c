@@ -14,7 +14,10 @@ void wh_rewrite_restart(wh_rewrite *w)
 	const wh_ply_elem *e = &w->ply->elems[w->ply->vertex];
 	const int prop[3] = {w->ply->x, w->ply->y, w->ply->z};
 	wh_source *s = &w->source;
-	*s = (wh_source){.path = w->ply->path, .nv = e->count, .vfd = w->fd};
+	*s = (wh_source){.path = w->ply->path,
+	                 .nv = e->count,
+	                 .vfd = w->fd,
+	                 .keep_invalid = w->ply->keep_invalid};
 	s->is_double = w->wider;
 	w->white = w->bright ? 255 : 1;
 	for (int k = 0; k < 3; k++)
@@ -131,11 +134,12 @@ wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double
 {
 	const bool is_double = w->source.is_double;
 	for (size_t i = 0; i < 3 * n; i++)
-		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])))
+		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])) &&
+		    !w->ply->keep_invalid)
 			return wh_fail(c, WH_E_INPUT,
 			               "'%s', vertex %" PRIu64
-			               ": %c is not a finite number%s; remove such vertices and "
-			               "their faces first",
+			               ": %c is not a finite number%s; 'reduce --drop-invalid' "
+			               "goes on without such vertices and their faces",
 			               w->ply->path, first + i / 3, "xyz"[i % 3],
 			               isfinite(xyz[i]) ? " of type float" : "");
 	if (!is_double)
@@ -163,10 +167,10 @@ wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)
 	s->itype = s->nv > UINT32_MAX ? WH_U64 : WH_U32;
 	s->fstride = 3 * wh_type_size(s->itype) + (w->wedges ? w->wedges->bytes : 0);
 	s->count_off = -1;
-	w->polygons = w->degenerate = 0;
+	w->polygons = w->degenerate = w->invalid = 0;
 	for (int i = 0; i < w->ex->workers; i++) {
 		w->facers[i].out_n = 0;
-		w->facers[i].polygons = w->facers[i].degenerate = 0;
+		w->facers[i].polygons = w->facers[i].degenerate = w->facers[i].invalid = 0;
 	}
 	return wh_poll(c);
 }
@@ -192,8 +196,9 @@ wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f)
 	w->source.nf += f->out_n;
 	w->polygons += f->polygons;
 	w->degenerate += f->degenerate;
+	w->invalid += f->invalid;
 	f->out_n = 0;
-	f->polygons = f->degenerate = 0;
+	f->polygons = f->degenerate = f->invalid = 0;
 	return WH_OK;
 }
 

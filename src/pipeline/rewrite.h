@@ -27,6 +27,7 @@ typedef struct wh_rewrite {
 	wh_facer *facers;  /* one per worker */
 	uint64_t polygons; /* of the facers whose output was taken */
 	uint64_t degenerate;
+	uint64_t invalid;
 	_Atomic bool wider;  /* coordinates whose type is not declared have to be doubles */
 	_Atomic bool bright; /* colours whose range is not declared go to 255 */
 	double white;        /* of such colours: 1 or 255 */
@@ -65,7 +66,7 @@ void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep);
 void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base);
 
 /* Writes n vertices from number `first` on; the doubles are destroyed. WH_E_INPUT when one does
- * not fit the output's type or is not finite (see wh_rewrite_bad_vertex). Thread-safe. */
+ * not fit the output's type or is not finite, unless the file's keep_invalid is set. Thread-safe. */
 wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n);
 /* Writes the records of their attributes; does nothing where there are none. Thread-safe. */
 wh_code wh_rewrite_put_attributes(wh_ctx *c, wh_rewrite *w, uint64_t first, const uint8_t *records,

@@ -370,7 +370,7 @@ static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	for (size_t k = 0; k < 3; k++) {
 		const double v = w->xyz[3 * at + k];
-		if (!isfinite(e->round ? wh_round_float(v) : v))
+		if (!isfinite(e->round ? wh_round_float(v) : v) && !j->rw->ply->keep_invalid)
 			return WH_E_IRREGULAR;
 	}
 	return WH_OK;
