@@ -42,8 +42,11 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	if (wh_input_open_with(r->c, &ex, &r->spill, r->params->input, r->from, rewrite,
-	                       wh_run_wanted(r), &r->input) != WH_OK)
+	const wh_input_how how = {.from = r->from,
+	                          .rewrite = rewrite,
+	                          .attributes = wh_run_wanted(r),
+	                          .keep_invalid = r->params->drop_invalid};
+	if (wh_input_open_how(r->c, &ex, &r->spill, r->params->input, &how, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
@@ -168,7 +171,8 @@ void wh_run_list_dropped(wh_run *r)
 static wh_plan make_plan(const wh_run *r)
 {
 	const wh_plan_query q = {.source = r->input.source,
-	                         .rewrite_bytes = wh_input_temp_bytes(&r->input),
+	                         .rewrite_bytes =
+	                             wh_input_temp_bytes(&r->input) + wh_run_clean_disk(r),
 	                         .sizes = r->sizes,
 	                         .share = wh_run_share(r),
 	                         .state = wh_run_state_bytes(r),
@@ -212,6 +216,11 @@ wh_code wh_run_refuse_early(wh_run *r)
 {
 	int most = 0;
 	make_plans(r);
+	const size_t cleaning = wh_run_clean_bytes(r);
+	if (cleaning && r->plan.least < cleaning + WH_PLAN_BASE)
+		r->plan.least = cleaning + WH_PLAN_BASE;
+	if (cleaning > wh_run_budget(r))
+		return wh_run_too_small(r, "cleaning the vertices", cleaning);
 	for (int i = 1; i < WH_PLAN_STAGES; i++)
 		if (r->plan.stage[i].need > r->plan.stage[most].need)
 			most = i;
@@ -227,6 +236,9 @@ static wh_code ingest_once(wh_run *r)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
 	r->spill.planned = r->plan.peak_disk;
+	const wh_code cleaned = wh_run_clean_input(r);
+	if (cleaned != WH_OK)
+		return cleaned;
 	wh_ingest_params p = {.clusters = r->plan.clusters,
 	                      .cuts = r->params->seams ? &r->cuts : NULL,
 	                      .digest = r->journaled ? &r->digest : NULL};
@@ -267,6 +279,8 @@ static wh_code ingest_input(wh_run *r)
 		code = ingest_once(r);
 	}
 	if (code == WH_OK)
+		code = wh_run_sift(r);
+	if (code == WH_OK)
 		code = finish_digest(r);
 	if (code == WH_OK)
 		code = wh_input_unchanged(r->c, &r->input);
@@ -287,6 +301,8 @@ static wh_code record_ingest(wh_run *r)
 	                .polygons = r->report->polygons,
 	                .degenerate = r->report->degenerate_faces,
 	                .is_double = r->input.source.is_double,
+	                .clean = r->clean,
+	                .sift = r->sift,
 	                .ingest = r->ingest};
 	return wh_run_keep_seams(r, &step) == WH_OK ? wh_run_record(r, &step) : r->c->err.code;
 }
@@ -299,8 +315,23 @@ static wh_code recall_ingest(wh_run *r, const wh_step *step)
 	r->store = step->store;
 	r->store.spill = &r->spill;
 	r->generations = step->store.generation + 1;
+	r->clean = step->clean;
+	r->sift = step->sift;
 	r->ingest = step->ingest;
 	return wh_run_recall_seams(r, step);
+}
+
+static wh_code nothing_left(wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	if (t->component_faces)
+		return wh_fail(r->c, WH_E_INPUT,
+		               "%s: no component has %llu faces or more: nothing to reduce; lower "
+		               "--min-component",
+		               r->params->input, (unsigned long long)r->params->min_component);
+	return wh_fail(r->c, WH_E_INPUT, "%s: all %llu faces are degenerate%s: nothing to reduce",
+	               r->params->input, (unsigned long long)t->input_faces,
+	               wh_run_tidies(r) ? ", or become so without vertices that go" : "");
 }
 
 wh_code wh_run_ingest(wh_run *r)
@@ -319,6 +350,7 @@ wh_code wh_run_ingest(wh_run *r)
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;
+	wh_run_note_tidied(r);
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
 	t->windows = r->ingest.windows;
@@ -326,9 +358,7 @@ wh_code wh_run_ingest(wh_run *r)
 	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
 	t->diagonal /= scale;
 	if (r->faces == 0)
-		return wh_fail(r->c, WH_E_INPUT,
-		               "%s: all %llu faces are degenerate: nothing to reduce",
-		               r->params->input, (unsigned long long)t->input_faces);
+		return nothing_left(r);
 	wh_run_limit_error(r);
 	return WH_OK;
 }

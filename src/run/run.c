@@ -138,7 +138,7 @@ bool wh_run_is_no_smaller(const wh_run *r)
 
 bool wh_run_copies(const wh_run *r)
 {
-	if (r->to != r->input.ply.kind)
+	if (r->to != r->input.ply.kind || wh_run_tidies(r))
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
@@ -150,6 +150,7 @@ uint64_t wh_run_vertices(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
 	return t->input_vertices + t->nonmanifold_split - t->unreferenced_vertices -
+	       t->invalid_vertices - t->welded_vertices - t->component_vertices -
 	       (uint64_t)r->work.vertices;
 }
 
