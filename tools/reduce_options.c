@@ -141,9 +141,7 @@ static bool parse_topology(const char *text, bool *simplify)
 static bool parse_weld(const char *text, wh_reduce_params *p)
 {
 	p->weld = true;
-	if (parse_percent(text, &p->weld_share))
-		return p->weld_share > 0 && p->weld_share <= 1;
-	return cmd_parse_real(text, &p->weld_distance) && p->weld_distance >= 0;
+	return cmd_parse_weld(text, &p->weld_distance, &p->weld_share);
 }
 
 /* Appends to the list of weights. */

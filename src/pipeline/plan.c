@@ -107,7 +107,7 @@ static const double TOUCHED_ROUND = 95, TOUCHED_SETTLE = 126, TOUCHED_FINAL = 11
 static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters */
 static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
-static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
+static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 40, TOUCHED_EMIT = 42;
 static const double SAVE_BUFFER = 256 * 1024;
 enum { MIB = 1024 * 1024 };
 /* The share that a round keeps at which its borders add a third of what they hold. */
