@@ -310,7 +310,7 @@ static void counts_of(const char *text, uint64_t nv, uint64_t nf, uint64_t bad_v
 	wh_source out;
 	wh_clean_result found;
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
-	int fd;
+	int fd = -1;
 	ply_file f = ply_write(text);
 	testing_init(&t);
 	const wh_exec ex = {.workers = 2};
