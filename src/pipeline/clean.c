@@ -333,7 +333,7 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
-	size_t n;
+	size_t n = 0;
 	wh_progress_add(k->progress, chunk_items(k->source->nf, index));
 	if (k->first > 0 &&
 	    (k->waits[index].hi < k->first || k->waits[index].lo >= k->first + k->window))
@@ -358,7 +358,7 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
-	size_t n;
+	size_t n = 0;
 	h->found = (wh_clean_result){0};
 	const wh_code code =
 	    k->windows == 1 ? read_faces(c, k, h, index, &n) : read_corners(c, k, h, index, &n);
