@@ -45,6 +45,8 @@ enum { WH_LEVELS_MOST = 64 };
 typedef struct wh_reduce_params {
 	const char *input;  /* PLY, OBJ, OFF or STL file */
 	const char *from;   /* its format: "ply", "obj", "off" or "stl"; NULL: what it looks like */
+	const char *reader; /* of PLY: NULL or "whittle", or "rply" where the library was built with
+	                       it (WH_E_USAGE elsewhere); decides no byte of the result */
 	const char *output; /* path, or "-" for standard output */
 	const char *to;     /* its format: "ply", "obj", "off", "stl" or "glb", and with ".gz" or
 	                       ".zst" behind it compressed; NULL: as its name ends, or else PLY */

@@ -18,6 +18,7 @@ typedef struct options {
 	bool json;
 	bool strict;
 	bool quiet;
+	bool rply;
 	bool weld;
 	double weld_distance, weld_share;
 	int64_t threads;
@@ -43,6 +44,7 @@ static void print_help(void)
 	    "                  is too large for it is cut into clusters on disk\n"
 	    "  --temp-dir DIR  for these (default: $SLURM_TMPDIR, $TMPDIR, /tmp)\n"
 	    "  --from F        FILE is ply, obj, off or stl, whatever it looks like\n"
+	    "  --reader R      of PLY: whittle (default), or rply where it was built with\n"
 	    "  --threads N     0 (default): all this process may use\n"
 	    "  --no-progress   do not tell how far it is\n");
 }
@@ -50,12 +52,17 @@ static void print_help(void)
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {
-	    {"json", no_argument, NULL, 'j'},           {"strict", no_argument, NULL, 's'},
-	    {"threads", required_argument, NULL, 't'},  {"memory", required_argument, NULL, 'm'},
-	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
-	    {"from", required_argument, NULL, 'f'},     {"weld", required_argument, NULL, 'w'},
-	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
+	                                      {"strict", no_argument, NULL, 's'},
+	                                      {"threads", required_argument, NULL, 't'},
+	                                      {"memory", required_argument, NULL, 'm'},
+	                                      {"temp-dir", required_argument, NULL, 'd'},
+	                                      {"no-progress", no_argument, NULL, 'p'},
+	                                      {"from", required_argument, NULL, 'f'},
+	                                      {"weld", required_argument, NULL, 'w'},
+	                                      {"reader", required_argument, NULL, 'r'},
+	                                      {"help", no_argument, NULL, 'h'},
+	                                      {NULL, 0, NULL, 0}};
 	optind = 1;
 	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
 		switch (opt) {
@@ -82,6 +89,12 @@ static int parse(int argc, char **argv, options *o, bool *done)
 			if (!cmd_parse_from(optarg, &o->from))
 				return cmd_usage_error(
 				    argv[0], "--from \"%s\" is not ply, obj, off or stl", optarg);
+			break;
+		case 'r':
+			o->rply = strcmp(optarg, "rply") == 0;
+			if (!o->rply && strcmp(optarg, "whittle") != 0)
+				return cmd_usage_error(
+				    argv[0], "--reader \"%s\" is not whittle or rply", optarg);
 			break;
 		case 'w':
 			o->weld = true;
@@ -116,6 +129,7 @@ static wh_code check_file(cmd_env *e, const options *o, wh_check *r, bool *is_do
 	const wh_inspect_params p = {.path = o->path,
 	                             .from = o->from,
 	                             .temp_dir = o->temp_dir,
+	                             .rply = o->rply,
 	                             .weld = o->weld,
 	                             .weld_distance = o->weld_distance,
 	                             .weld_share = o->weld_share,

@@ -23,6 +23,7 @@ static const char help[] =
     "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst\n"
     "      --to F            ply, obj, off, stl, glb, ply.gz, ... whatever OUT's name is\n"
     "      --from F          IN is ply, obj, off or stl, whatever it looks like\n"
+    "      --reader R        of PLY: whittle (default), or rply where it was built with\n"
     "  -n, --faces N|P%      triangles to keep: 200K, 1.5M, 10%\n"
     "      --vertices N|P%   vertices to keep\n"
     "      --ratio R         share of the triangles to keep: 0.1\n"

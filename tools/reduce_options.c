@@ -34,6 +34,7 @@ enum {
 	OPT_ASCII,
 	OPT_QUANTIZE,
 	OPT_FROM,
+	OPT_READER,
 	OPT_TO,
 	OPT_REPORT,
 	OPT_SEAMS,
@@ -67,6 +68,7 @@ static const struct option long_options[] = {
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
+    {"reader", required_argument, NULL, OPT_READER},
     {"from", required_argument, NULL, OPT_FROM},
     {"to", required_argument, NULL, OPT_TO},
     {"run-dir", required_argument, NULL, OPT_RUN_DIR},
@@ -210,6 +212,8 @@ static const char **text_of(reduce_options *o, int opt)
 		return &p->placement;
 	case OPT_TEMP:
 		return &p->temp_dir;
+	case OPT_READER:
+		return &p->reader;
 	case OPT_TO:
 		return &p->to;
 	case OPT_REPORT:

@@ -19,6 +19,7 @@ typedef struct wh_inspect_params {
 	wh_format from;       /* of the file; WH_FORMAT_ANY: what it looks like */
 	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, /tmp */
 	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
+	bool rply;            /* rply reads the file (pipeline/normalise.h) */
 	bool weld;            /* first weld near vertices, as pipeline/clean.h says */
 	double weld_distance, weld_share;
 	uint64_t cluster_faces;  /* cut into clusters of about so many faces whether it is needed or

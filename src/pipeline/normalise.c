@@ -2,6 +2,7 @@
 #include "pipeline/normalise.h"
 
 #include "io/off.h"
+#include "io/rply_read.h"
 #include "io/unpack.h"
 #include "pipeline/rewrite.h"
 
@@ -102,6 +103,8 @@ static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w, const wh_input *in)
 		while (code == WH_E_IRREGULAR && try_again(w));
 		return code;
 	default:
+		if (in->rply)
+			return wh_rewrite_rply(c, w);
 		return in->ply.format == WH_PLY_ASCII ? rewrite_text(c, w)
 		                                      : wh_rewrite_binary(c, w);
 	}
@@ -262,6 +265,18 @@ static wh_code choose(wh_ctx *c, wh_wanted wanted, wh_input *in)
 	return WH_OK;
 }
 
+static wh_code check_rply(wh_ctx *c, const wh_ply *p)
+{
+	if (wh_rply_available(c) != WH_OK)
+		return c->err.code;
+	if (p->kind != WH_FORMAT_PLY)
+		return wh_fail(
+		    c, WH_E_USAGE,
+		    "'%s' is no PLY file, and rply reads nothing else: leave out --reader",
+		    p->path);
+	return WH_OK;
+}
+
 wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                           const wh_input_how *how, wh_input *in)
 {
@@ -269,11 +284,15 @@ wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	if (code != WH_OK)
 		return code;
 	in->ply.keep_invalid = how->keep_invalid;
-	code = check_content(c, &in->ply);
+	in->rply = how->rply;
+	if (how->rply)
+		code = check_rply(c, &in->ply);
+	if (code == WH_OK)
+		code = check_content(c, &in->ply);
 	if (code == WH_OK)
 		code = choose(c, how->attributes, in);
 	if (code == WH_OK)
-		code = make_source(c, ex, spill, how->rewrite, in);
+		code = make_source(c, ex, spill, how->rewrite || how->rply, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;

@@ -31,6 +31,7 @@ typedef struct wh_input {
 	uint64_t polygons; /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
+	bool rply;      /* rply reads the body */
 	uint64_t invalid_polygons; /* with a corner that is not finite, dropped; only when kept */
 } wh_input;
 
@@ -39,6 +40,7 @@ typedef struct wh_input_how {
 	wh_format from;         /* its format; WH_FORMAT_ANY: what it looks like */
 	bool rewrite;           /* do not use the body in place (see below) */
 	wh_wanted attributes;   /* vertex properties to read, as wh_attributes_choose says */
+	bool rply;              /* let rply read it: PLY only, and where the build has it */
 	bool keep_invalid;      /* vertices that are not finite are no failure (io/ply.h) */
 } wh_input_how;
 

@@ -126,5 +126,7 @@ static inline int wh_corner_list(const wh_ply *p, int elem)
 wh_code wh_rewrite_binary(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *w);
+/* A fourth one, for PLY of any form: rply reads it (io/rply_read.h). */
+wh_code wh_rewrite_rply(wh_ctx *c, wh_rewrite *w);
 
 #endif

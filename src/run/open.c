@@ -45,6 +45,7 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 	const wh_input_how how = {.from = r->from,
 	                          .rewrite = rewrite,
 	                          .attributes = wh_run_wanted(r),
+	                          .rply = r->rply,
 	                          .keep_invalid = r->params->drop_invalid};
 	if (wh_input_open_how(r->c, &ex, &r->spill, r->params->input, &how, &r->input) != WH_OK)
 		return r->c->err.code;
@@ -168,11 +169,21 @@ void wh_run_list_dropped(wh_run *r)
 	note_wedges(r->report, &r->input.wedges);
 }
 
+/* Of a body that could be used in place, when rply reads it all the same. */
+static uint64_t rply_bytes(const wh_run *r)
+{
+	const wh_source *s = &r->input.source;
+	const uint64_t vertex = (s->is_double ? 24 : 12) + r->input.attributes.bytes;
+	if (!r->rply || s->ffd < 0 || s->ffd != r->input.ply.fd)
+		return 0;
+	return s->nv * vertex + s->nf * (s->nv > UINT32_MAX ? 24 : 12);
+}
+
 static wh_plan make_plan(const wh_run *r)
 {
 	const wh_plan_query q = {.source = r->input.source,
-	                         .rewrite_bytes =
-	                             wh_input_temp_bytes(&r->input) + wh_run_clean_disk(r),
+	                         .rewrite_bytes = wh_input_temp_bytes(&r->input) +
+	                                          wh_run_clean_disk(r) + rply_bytes(r),
 	                         .sizes = r->sizes,
 	                         .share = wh_run_share(r),
 	                         .state = wh_run_state_bytes(r),

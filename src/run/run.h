@@ -38,6 +38,7 @@ typedef struct wh_run {
 	wh_exec exec;
 	wh_progress progress;
 	wh_spill spill;
+	bool rply;      /* reads the input */
 	wh_format from; /* of the input, where the user says so */
 	wh_format to;   /* of the output */
 	wh_packing packing;
