@@ -235,7 +235,7 @@ static void clean_one_way(const cloud *k, const wh_clean_params *p, int workers,
 	ply_file f = write_cloud(k);
 	testing_init(&t);
 	const wh_exec ex = {.workers = workers};
-	const wh_input_how how = {.keep_invalid = true};
+	const wh_input_how how = {.attributes = {NULL, WH_HOLDS_ALL}, .keep_invalid = true};
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
 	assert_int_equal(wh_input_open_how(&t.ctx, &ex, &spill, f.path, &how, &in), WH_OK);
 	const wh_code code = wh_clean(&t.ctx, &ex, &progress, &spill, &in.source, p,
@@ -314,7 +314,7 @@ static void counts_of(const char *text, uint64_t nv, uint64_t nf, uint64_t bad_v
 	ply_file f = ply_write(text);
 	testing_init(&t);
 	const wh_exec ex = {.workers = 2};
-	const wh_input_how how = {.attributes = "none", .keep_invalid = true};
+	const wh_input_how how = {.attributes = {"none", 0}, .keep_invalid = true};
 	const wh_clean_params p = {.drop_invalid = true};
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
 	if (wh_input_open_how(&t.ctx, &ex, &spill, f.path, &how, &in) != WH_OK ||

@@ -308,7 +308,7 @@ static wh_code open_input(inspection *n, bool rewrite)
 	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
 	const wh_input_how how = {.from = n->params->from,
 	                          .rewrite = rewrite,
-	                          .attributes = "none",
+	                          .attributes = {"none", 0},
 	                          .rply = n->params->rply,
 	                          .keep_invalid = true};
 	if (wh_input_open_how(n->c, &ex, &n->spill, n->params->path, &how, &n->input) != WH_OK)

@@ -37,11 +37,11 @@ typedef struct wh_input {
 
 /* How a file is to be opened. */
 typedef struct wh_input_how {
-	wh_format from;         /* its format; WH_FORMAT_ANY: what it looks like */
-	bool rewrite;           /* do not use the body in place (see below) */
-	wh_wanted attributes;   /* vertex properties to read, as wh_attributes_choose says */
-	bool rply;              /* let rply read it: PLY only, and where the build has it */
-	bool keep_invalid;      /* vertices that are not finite are no failure (io/ply.h) */
+	wh_format from;       /* its format; WH_FORMAT_ANY: what it looks like */
+	bool rewrite;         /* do not use the body in place (see below) */
+	wh_wanted attributes; /* vertex properties to read, as wh_attributes_choose says */
+	bool rply;            /* let rply read it: PLY only, and where the build has it */
+	bool keep_invalid;    /* vertices that are not finite are no failure (io/ply.h) */
 } wh_input_how;
 
 /*

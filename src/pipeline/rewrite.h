@@ -66,7 +66,8 @@ void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep);
 void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base);
 
 /* Writes n vertices from number `first` on; the doubles are destroyed. WH_E_INPUT when one does
- * not fit the output's type or is not finite, unless the file's keep_invalid is set. Thread-safe. */
+ * not fit the output's type or is not finite, unless the file's keep_invalid is set. Thread-safe.
+ */
 wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n);
 /* Writes the records of their attributes; does nothing where there are none. Thread-safe. */
 wh_code wh_rewrite_put_attributes(wh_ctx *c, wh_rewrite *w, uint64_t first, const uint8_t *records,
