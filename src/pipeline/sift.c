@@ -363,6 +363,7 @@ static void describe(const wh_store *from, wh_store *to)
 	to->coord_bytes = from->coord_bytes;
 	to->vertex_payload = sizeof(float);
 	to->attr_bytes = from->attr_bytes;
+	to->face_bytes = from->face_bytes;
 	to->local_corners = true;
 }
 

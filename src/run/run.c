@@ -156,7 +156,10 @@ uint64_t wh_run_vertices(const wh_run *r)
 
 wh_wanted wh_run_wanted(const wh_run *r)
 {
-	return (wh_wanted){r->params->attributes, wh_mesh_holds(r->to)};
+	const uint32_t holds = wh_mesh_holds(r->to);
+	/* neither cleaning and sifting nor rply's reader takes along what faces carry */
+	return (wh_wanted){r->params->attributes,
+	                   wh_run_tidies(r) || r->rply ? holds & ~(uint32_t)WH_HOLDS_FACES : holds};
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
