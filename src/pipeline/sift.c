@@ -321,8 +321,9 @@ static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 size_t wh_sift_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
 	const size_t table = table_size(nf) * sizeof(uint32_t);
-	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf, store->attr_bytes) +
-	       table + (size_t)nv * (sizeof(part) + 3 * sizeof(uint32_t));
+	return wh_store_scratch_bytes(store, nv, nf) +
+	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) + table +
+	       (size_t)nv * (sizeof(part) + 3 * sizeof(uint32_t));
 }
 
 static wh_code hands_make(wh_ctx *c, sift *s, int workers, uint64_t max_v, uint64_t max_f)
@@ -331,6 +332,7 @@ static wh_code hands_make(wh_ctx *c, sift *s, int workers, uint64_t max_v, uint6
 	for (int i = 0; s->hands && i < workers; i++) {
 		hand *h = &s->hands[i];
 		h->patch.attr_bytes = s->from->attr_bytes;
+		h->patch.face_bytes = s->from->face_bytes;
 		if (wh_store_scratch_fit(c, s->from, &h->scratch, max_v, max_f) != WH_OK ||
 		    wh_patch_reset(c, &h->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
 			break;
