@@ -13,6 +13,7 @@
 
 #include "base/timer.h"
 #include "exec/topo.h"
+#include "io/rply_read.h"
 #include "run/run.h"
 
 #include <string.h>
@@ -52,6 +53,7 @@ static bool parse_to(const char *text, wh_format *to, wh_packing *packing)
 /* The formats that the caller names, or the output's name tells. */
 static wh_code take_formats(wh_run *r)
 {
+	const char *reader = r->params->reader;
 	const char *from = r->params->from, *to = r->params->to, *output = r->params->output;
 	if (to && !parse_to(to, &r->to, &r->packing))
 		return wh_fail(r->c, WH_E_USAGE,
@@ -73,7 +75,10 @@ static wh_code take_formats(wh_run *r)
 		               "'%s' is no format that can be read: give ply, "
 		               "obj, off or stl",
 		               from);
-	return WH_OK;
+	r->rply = reader && strcmp(reader, "rply") == 0;
+	if (reader && !r->rply && strcmp(reader, "whittle") != 0)
+		return wh_fail(r->c, WH_E_USAGE, "'%s' is no reader: give whittle or rply", reader);
+	return r->rply ? wh_rply_available(r->c) : WH_OK;
 }
 
 static wh_code open_all(wh_run *r, wh_outfile **out)
@@ -291,8 +296,8 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 	const char *temp_dir = r->params->temp_dir;
 	if (take_formats(r) != WH_OK || wh_run_take_policy(r) != WH_OK ||
 	    (temp_dir && wh_spill_open(r->c, &r->spill, temp_dir, NULL) != WH_OK) ||
-	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
-	                  wh_run_attributes(r), &r->input) != WH_OK)
+	    wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, wh_run_wanted(r),
+	                  &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=

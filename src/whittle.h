@@ -45,6 +45,8 @@ enum { WH_LEVELS_MOST = 64 };
 typedef struct wh_reduce_params {
 	const char *input;  /* PLY, OBJ, OFF or STL file */
 	const char *from;   /* its format: "ply", "obj", "off" or "stl"; NULL: what it looks like */
+	const char *reader; /* of PLY: NULL or "whittle", or "rply" where the library was built with
+	                       it (WH_E_USAGE elsewhere); decides no byte of the result */
 	const char *output; /* path, or "-" for standard output */
 	const char *to;     /* its format: "ply", "obj", "off", "stl" or "glb", and with ".gz" or
 	                       ".zst" behind it compressed; NULL: as its name ends, or else PLY */
@@ -82,9 +84,18 @@ typedef struct wh_reduce_params {
 	 * midpoint for edge-length, else optimal. */
 	const char *cost, *face_weight, *placement;
 	const wh_own_policy *own; /* a cost of the caller's own, instead; NULL: none */
+	/* What goes before anything is reduced, in this order (pipeline/clean.h, sift.h): */
+	bool drop_invalid;      /* vertices that are not finite, and their faces; else they are a
+	                           failure */
+	bool weld;              /* vertices within the distance of others become one with them */
+	double weld_distance;   /* in units of the file; 0: equal positions */
+	double weld_share;      /* the same as a share of the bounding-box diagonal; 0: none */
+	bool drop_duplicates;   /* all but one of faces with the same vertices; so does welding */
+	uint64_t min_component; /* components of fewer triangles, joined by vertices; 0: none */
 
-	/* Scalar vertex properties that are carried over: NULL or "all"; "none"; or names with
-	 * commas between them, where colour, normal and texture stand for all of that kind. */
+	/* Scalar properties of vertices, and of faces and their corners, that are carried over:
+	 * NULL or "all"; "none"; or names with commas between them, where colour, normal and
+	 * texture stand for all of that kind. */
 	const char *attributes;
 	/* Attributes in the cost of collapses: NULL, or NAME=W with commas between them, with such
 	 * names. A value that is off by 1 (a colour: as from black to white; a label: at all) costs
@@ -172,9 +183,17 @@ typedef struct wh_reduce_report {
 	uint64_t polygons;              /* input faces with more than three corners */
 	uint64_t degenerate_faces;      /* dropped: a vertex repeated */
 	uint64_t unreferenced_vertices; /* dropped: in no face */
+	/* dropped because the parameters say so: */
+	uint64_t invalid_vertices, invalid_faces;  /* not finite, and what used them */
+	uint64_t welded_vertices, collapsed_faces; /* became another vertex; lost a corner so */
+	double weld_distance;                      /* as worked out */
+	uint64_t duplicate_faces;                  /* copies of a face */
+	uint64_t small_components, component_faces, component_vertices;
+	uint64_t zero_area_faces; /* counted, not dropped, where one of the last three was asked
+	                             for: three different vertices on a line */
 	char carried[512]; /* vertex properties besides x, y and z that the output has, by name,
 	                      each kind behind its last: "red, green, blue (colour), nx, ny, nz
-	                      (normal)" */
+	                      (normal)"; then those of corners and faces */
 	char dropped[512]; /* what else the file holds and the output does not, by name,
 	                      comma-separated */
 	double diagonal;   /* of the input's bounding box */

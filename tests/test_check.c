@@ -107,6 +107,47 @@ static void two_faces_running_the_same_way_disagree(void **state)
 	assert_false(wh_check_clean(&r));
 }
 
+/* Two triangles on the edge 0-1, the second one's tip at an angle from flat: they lie on each other
+ * from 170 degrees on, whichever way it is turned, and however large they are. */
+static void folded_edges_lie_on_each_other(void **state)
+{
+	(void)state;
+	static const uint32_t agree[][3] = {{0, 1, 2}, {1, 0, 3}},
+	                      disagree[][3] = {{0, 1, 2}, {0, 1, 3}};
+	static const double sizes[] = {1, 1e-140, 1e140};
+	const double degree = acos(-1) / 180;
+	for (int i = 0; i < 4 * 3; i++) {
+		const double size = sizes[i % 3],
+		             angle = (double[]){0, 90, 169, 171}[i / 3] * degree;
+		const double xyz[][3] = {{0, 0, 0},
+		                         {size, 0, 0},
+		                         {size / 2, size, 0},
+		                         {size / 3, -size * cos(angle), size * sin(angle)}};
+		const wh_check r = check(4, xyz, 2, agree), s = check(4, xyz, 2, disagree);
+		assert_int_equal(r.folded_edges, i / 3 == 3);
+		assert_int_equal(s.folded_edges, i / 3 == 3);
+		assert_int_equal(s.misoriented_edges, 1);
+	}
+}
+
+/* A strip of five faces, and two of one. */
+static void components_are_counted_by_size(void **state)
+{
+	(void)state;
+	static const uint32_t tri[][3] = {{0, 1, 2}, {2, 1, 3}, {7, 8, 9},   {2, 3, 4},
+	                                  {4, 3, 5}, {4, 5, 6}, {10, 11, 12}};
+	const wh_check r = check_faces(13, 7, tri);
+	assert_int_equal(r.components, 3);
+	assert_int_equal(r.component_sizes[0], 2);
+	assert_int_equal(r.component_sizes[1], 0);
+	assert_int_equal(r.component_sizes[2], 1);
+	assert_int_equal(r.largest_component, 5);
+	uint64_t faces = 0;
+	for (int i = 0; i < WH_RADIUS_RATIOS; i++)
+		faces += r.radius_ratios[i];
+	assert_int_equal(faces, 7);
+}
+
 /* Five triangles in a ring, over and under: i, i+1, i+2 modulo 5. However they are turned, one
  * edge at least disagrees; the boundary is a single loop. */
 static void moebius_band_has_one_loop_and_cannot_agree(void **state)
@@ -471,6 +512,8 @@ int main(void)
 	    cmocka_unit_test(bowtie_is_two_fans_and_two_loops),
 	    cmocka_unit_test(closed_components_touching_in_a_vertex),
 	    cmocka_unit_test(two_faces_running_the_same_way_disagree),
+	    cmocka_unit_test(folded_edges_lie_on_each_other),
+	    cmocka_unit_test(components_are_counted_by_size),
 	    cmocka_unit_test(moebius_band_has_one_loop_and_cannot_agree),
 	    cmocka_unit_test(three_faces_on_an_edge),
 	    cmocka_unit_test(annulus_has_two_loops),

@@ -107,6 +107,10 @@ static void assert_same(const wh_check *a, const wh_check *b)
 	SAME(boundary_edges);
 	SAME(nonmanifold_edges);
 	SAME(misoriented_edges);
+	SAME(folded_edges);
+	SAME(largest_component);
+	assert_memory_equal(a->component_sizes, b->component_sizes, sizeof a->component_sizes);
+	assert_memory_equal(a->radius_ratios, b->radius_ratios, sizeof a->radius_ratios);
 	SAME(nonmanifold_vertices);
 	SAME(components);
 	SAME(edge_components);

@@ -38,7 +38,7 @@ static void scans_in_clusters_have_the_same_figures(void **state)
 {
 	(void)state;
 	static const char *const names[] = {"dragon_vrip_res3.ply", "bun_zipper.ply",
-	                                    "meshlab_lato000.ply", "mouse_C57BL_10J.ply",
+	                                    "meshlab_lato000.ply", "mouse_MRL_MPJ.ply",
 	                                    "ankylosaurus_mesh.ply"};
 	FILE *f = fopen(WHITTLE_DATA "/MANIFEST.tsv", "r");
 	if (!f) {

@@ -89,7 +89,7 @@ static void write_scaled(fixture *f, double scale, wh_vec3 offset)
 		const wh_vec3 p = wh_add(wh_scale(m->pos[v], scale), offset);
 		assert_int_equal(wh_ply_write_vertices(c, o, style, &p.x, 1), WH_OK);
 	}
-	assert_int_equal(wh_ply_write_triangles(c, o, style, m->tri, m->nf), WH_OK);
+	assert_int_equal(wh_ply_write_triangles(c, o, style, m->tri, NULL, m->nf), WH_OK);
 	assert_int_equal(wh_outfile_commit(c, &o), WH_OK);
 }
 

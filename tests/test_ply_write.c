@@ -15,7 +15,7 @@ static void write_mesh(const char *path, wh_ply_style style)
 	assert_int_equal(wh_outfile_open(&t.ctx, &o, path, true), WH_OK);
 	assert_int_equal(wh_ply_write_header(&t.ctx, o, style, 3, 2), WH_OK);
 	assert_int_equal(wh_ply_write_vertices(&t.ctx, o, style, xyz, 3), WH_OK);
-	assert_int_equal(wh_ply_write_triangles(&t.ctx, o, style, tri, 2), WH_OK);
+	assert_int_equal(wh_ply_write_triangles(&t.ctx, o, style, tri, NULL, 2), WH_OK);
 	assert_int_equal(wh_outfile_commit(&t.ctx, &o), WH_OK);
 	testing_done(&t);
 }

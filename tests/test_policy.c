@@ -616,7 +616,7 @@ static void the_workspace_is_as_large_as_announced(void **state)
 		torus(&f, 20000);
 		wh_simplify_params p = {.target_faces = 100, .policy = choices[k]};
 		const size_t before = f.t.mem.used,
-		             announced = wh_simplify_bytes(f.p.nv, f.p.nf) +
+		             announced = wh_simplify_bytes(f.p.nv, f.p.nf, 0) +
 		                         f.p.nv * wh_policy_bytes(&choices[k]);
 		f.t.mem.peak = before;
 		reduce_with(&f, &p);

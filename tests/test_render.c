@@ -52,7 +52,7 @@ static void draw(wh_sample *sample, const wh_look *look, wh_spot a, wh_spot b, w
 {
 	const wh_canvas v = {SIDE, SIDE, 0, SIDE, sample};
 	const wh_spot *const corner[3] = {&a, &b, &c};
-	wh_canvas_face(&v, look, corner, NULL);
+	wh_canvas_face(&v, look, corner, NULL, NULL);
 }
 
 static int count(const wh_sample *sample)
@@ -236,7 +236,7 @@ static void sums_of_normals_are_those_of_a_sphere(void **state)
 	const wh_normal_sum *const sums[3] = {&sum, &sum, &sum};
 	for (int i = 0; i < 6; i++) {
 		const wh_spot *const c[3] = {&tip, &ring[i], &ring[(i + 1) % 6]};
-		wh_canvas_face(&v, &look, c, sums);
+		wh_canvas_face(&v, &look, c, sums, NULL);
 	}
 	const wh_spot level[3] = {spot(-31, -31, 9), spot(-31, 90, 9), spot(90, -31, 9)};
 	look.smooth = false;

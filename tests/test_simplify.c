@@ -866,7 +866,7 @@ static void the_workspace_is_as_large_as_announced(void **state)
 	(void)state;
 	fixture f;
 	grid(&f, 150, 150, 0.02, 4);
-	const size_t before = f.t.mem.used, announced = wh_simplify_bytes(f.p.nv, f.p.nf);
+	const size_t before = f.t.mem.used, announced = wh_simplify_bytes(f.p.nv, f.p.nf, 0);
 	f.t.mem.peak = before;
 	reduce_to(&f, 100);
 	assert_true(f.t.mem.peak - before <= announced + 65536);

@@ -53,6 +53,10 @@ bool cmd_parse_from(const char *text, wh_format *out);
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);
 
+/* Parses a distance to weld vertices within: from 0 on, or a share above 0 such as "0.001%". Sets
+ * one of the two. */
+bool cmd_parse_weld(const char *text, double *distance, double *share);
+
 /* A coordinate for people: nine digits, which tell any float from its neighbours, or as many more
  * as a double takes. Returns text. */
 enum { CMD_REAL_TEXT = 32 };

@@ -18,6 +18,9 @@ typedef struct options {
 	bool json;
 	bool strict;
 	bool quiet;
+	bool rply;
+	bool weld;
+	double weld_distance, weld_share;
 	int64_t threads;
 	int64_t memory;
 } options;
@@ -25,19 +28,23 @@ typedef struct options {
 static void print_help(void)
 {
 	(void)printf(
-	    "usage: whittle check FILE [--json] [--strict] [--memory SIZE] [--threads N]\n"
-	    "                          [--temp-dir DIR] [--no-progress]\n\n"
+	    "usage: whittle check FILE [--json] [--strict] [--weld EPS] [--memory SIZE]\n"
+	    "                          [--threads N] [--temp-dir DIR] [--no-progress]\n\n"
 	    "Counts everything that can be right or wrong with a triangle mesh. It is clean\n"
 	    "when it is an oriented manifold, with or without boundary, without degenerate\n"
-	    "or duplicate faces. The radius ratio of a face is 2 r / R, of the inscribed and the\n"
+	    "or duplicate faces, or vertices that are not finite. An edge is folded when its\n"
+	    "two faces lie on each other, their normals more than 170 degrees apart. The radius "
+	    "ratio of a face is 2 r / R, of the inscribed and the\n"
 	    "circumscribed circle: 1 when equilateral, 0 without area.\n\n"
 	    "  --json          print JSON instead of a table\n"
 	    "  --strict        exit with status 3 when the mesh is not clean\n"
+	    "  --weld EPS|P%%  first make vertices that near one, as reduce --weld does\n"
 	    "  --memory SIZE   ceiling of the process: 512M, 4G, K = 1024 (default: half of\n"
 	    "                  the machine's, its control group's or the job's); a mesh that\n"
 	    "                  is too large for it is cut into clusters on disk\n"
 	    "  --temp-dir DIR  for these (default: $SLURM_TMPDIR, $TMPDIR, /tmp)\n"
 	    "  --from F        FILE is ply, obj, off or stl, whatever it looks like\n"
+	    "  --reader R      of PLY: whittle (default), or rply where it was built with\n"
 	    "  --threads N     0 (default): all this process may use\n"
 	    "  --no-progress   do not tell how far it is\n");
 }
@@ -52,6 +59,8 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	                                      {"temp-dir", required_argument, NULL, 'd'},
 	                                      {"no-progress", no_argument, NULL, 'p'},
 	                                      {"from", required_argument, NULL, 'f'},
+	                                      {"weld", required_argument, NULL, 'w'},
+	                                      {"reader", required_argument, NULL, 'r'},
 	                                      {"help", no_argument, NULL, 'h'},
 	                                      {NULL, 0, NULL, 0}};
 	optind = 1;
@@ -81,6 +90,21 @@ static int parse(int argc, char **argv, options *o, bool *done)
 				return cmd_usage_error(
 				    argv[0], "--from \"%s\" is not ply, obj, off or stl", optarg);
 			break;
+		case 'r':
+			o->rply = strcmp(optarg, "rply") == 0;
+			if (!o->rply && strcmp(optarg, "whittle") != 0)
+				return cmd_usage_error(
+				    argv[0], "--reader \"%s\" is not whittle or rply", optarg);
+			break;
+		case 'w':
+			o->weld = true;
+			if (!cmd_parse_weld(optarg, &o->weld_distance, &o->weld_share))
+				return cmd_usage_error(
+				    argv[0],
+				    "--weld \"%s\" is not a distance from 0 on, in "
+				    "units of the file or such as 0.001%%",
+				    optarg);
+			break;
 		case 'p':
 			o->quiet = true;
 			break;
@@ -105,6 +129,10 @@ static wh_code check_file(cmd_env *e, const options *o, wh_check *r, bool *is_do
 	const wh_inspect_params p = {.path = o->path,
 	                             .from = o->from,
 	                             .temp_dir = o->temp_dir,
+	                             .rply = o->rply,
+	                             .weld = o->weld,
+	                             .weld_distance = o->weld_distance,
+	                             .weld_share = o->weld_share,
 	                             .memory = (size_t)o->memory,
 	                             .progress = progress_bar_tell,
 	                             .progress_user = &bar};
@@ -118,28 +146,37 @@ typedef struct row {
 	const char *key;
 	const char *text;
 	size_t offset; /* of a uint64_t in wh_check */
+	bool breaks;   /* a mesh with any is not clean */
 } row;
 
-#define ROW(member, text)                                 \
-	{                                                 \
-#member, text, offsetof(wh_check, member) \
+#define ROW(member, text)                                        \
+	{                                                        \
+#member, text, offsetof(wh_check, member), false \
+	}
+#define BREAKS(member, text)                                    \
+	{                                                       \
+#member, text, offsetof(wh_check, member), true \
 	}
 
 static const row rows[] = {
     ROW(vertices, "vertices"),
     ROW(unreferenced_vertices, "  unreferenced"),
     ROW(duplicate_vertices, "  at the position of another"),
-    ROW(nonmanifold_vertices, "  non-manifold"),
+    BREAKS(nonfinite_vertices, "  not finite"),
+    BREAKS(nonmanifold_vertices, "  non-manifold"),
     ROW(faces, "faces"),
-    ROW(degenerate_faces, "  degenerate"),
+    ROW(nonfinite_faces, "  with a vertex not finite"),
+    BREAKS(degenerate_faces, "  degenerate"),
     ROW(zero_area_faces, "  of zero area"),
-    ROW(duplicate_faces, "  duplicates"),
+    BREAKS(duplicate_faces, "  duplicates"),
     ROW(edges, "edges"),
     ROW(boundary_edges, "  boundary"),
-    ROW(nonmanifold_edges, "  non-manifold"),
-    ROW(misoriented_edges, "  badly oriented"),
+    BREAKS(nonmanifold_edges, "  non-manifold"),
+    BREAKS(misoriented_edges, "  badly oriented"),
+    ROW(folded_edges, "  folded"),
     ROW(components, "components"),
     ROW(edge_components, "  joined by edges only"),
+    ROW(largest_component, "  faces of the largest"),
     ROW(boundary_loops, "boundary loops"),
 };
 
@@ -173,7 +210,30 @@ static void print_table(const wh_check *r, bool is_double)
 	(void)printf("%-28s %12.3f\n", "  5 % of the faces below", r->radius_ratio_p5);
 	print_corner("box from", r->lo, is_double);
 	print_corner("box to", r->hi, is_double);
+	if (r->welded_vertices || r->collapsed_faces)
+		(void)printf("%-28s %12" PRIu64 "\n%-28s %12" PRIu64 "\n", "welded vertices",
+		             r->welded_vertices, "faces lost by welding", r->collapsed_faces);
 	(void)printf("%-28s %12s\n", "clean", wh_check_clean(r) ? "yes" : "no");
+}
+
+static json_t *json_counts(const uint64_t *count, int n)
+{
+	json_t *a = json_array();
+	while (n > 0 && count[n - 1] == 0)
+		n--;
+	for (int i = 0; i < n; i++)
+		(void)json_array_append_new(a, json_integer((json_int_t)count[i]));
+	return a;
+}
+
+/* The keys of what keeps the mesh from being clean. */
+static json_t *json_broken(const wh_check *r)
+{
+	json_t *a = json_array();
+	for (int i = 0; i < NROWS; i++)
+		if (rows[i].breaks && value_of(r, rows + i) > 0)
+			(void)json_array_append_new(a, json_string(rows[i].key));
+	return a;
 }
 
 static json_t *json_point(wh_vec3 p)
@@ -194,9 +254,18 @@ static wh_code print_json(wh_ctx *c, const char *path, const wh_check *r)
 	bad |= json_object_set_new(j, "area", json_real(r->area));
 	bad |= json_object_set_new(j, "radius_ratio_mean", json_real(r->radius_ratio_mean));
 	bad |= json_object_set_new(j, "radius_ratio_p5", json_real(r->radius_ratio_p5));
+	bad |= json_object_set_new(j, "radius_ratios",
+	                           json_counts(r->radius_ratios, WH_RADIUS_RATIOS));
+	bad |= json_object_set_new(j, "component_sizes",
+	                           json_counts(r->component_sizes, WH_COMPONENT_SIZES));
+	bad |=
+	    json_object_set_new(j, "welded_vertices", json_integer((json_int_t)r->welded_vertices));
+	bad |=
+	    json_object_set_new(j, "collapsed_faces", json_integer((json_int_t)r->collapsed_faces));
 	bad |= json_object_set_new(j, "min", json_point(r->lo));
 	bad |= json_object_set_new(j, "max", json_point(r->hi));
 	bad |= json_object_set_new(j, "clean", json_boolean(wh_check_clean(r)));
+	bad |= json_object_set_new(j, "broken", json_broken(r));
 	if (!bad)
 		bad = json_dumpf(j, stdout, JSON_INDENT(2));
 	json_decref(j);

@@ -20,12 +20,13 @@ static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
     "Reduces a mesh within a memory ceiling; the first limit reached stops. IN: PLY,\n"
     "OBJ, OFF or STL, as its content says.\n"
-    "Vertex properties (colours, normals, ...) are carried from PLY to PLY; whatever is\n"
-    "not is named in the summary.\n\n"
+    "Vertex properties (colours, normals, ...) are carried from PLY to PLY, texture\n"
+    "coordinates and materials from PLY or OBJ to PLY or OBJ; whatever is not is named.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
     "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst\n"
     "      --to F            ply, obj, off, stl, glb, ply.gz, ... whatever OUT's name is\n"
     "      --from F          IN is ply, obj, off or stl, whatever it looks like\n"
+    "      --reader R        of PLY: whittle (default), or rply where it was built with\n"
     "  -n, --faces N|P%      triangles to keep: 200K, 1.5M, 10%\n"
     "      --vertices N|P%   vertices to keep\n"
     "      --ratio R         share of the triangles to keep: 0.1\n"
@@ -42,8 +43,13 @@ static const char help[] =
     "                        melax, edge-length; with --weight area, uniform or angle\n"
     "                        for qem's faces\n"
     "      --placement P     of new vertices: optimal, midpoint or endpoint\n"
-    "      --attributes LIST vertex properties to carry: all (default), none, or names,\n"
-    "                        as red,green,blue or colour,normal,quality\n"
+    "      --drop-invalid    go on without vertices that are not finite, and their faces\n"
+    "      --weld EPS|P%     first make vertices that near one, and drop copies of faces;\n"
+    "                        0: equal positions\n"
+    "      --drop-duplicates first drop copies of faces\n"
+    "      --min-component N first drop components of fewer faces\n"
+    "      --attributes LIST properties to carry: all (default), none, or names,\n"
+    "                        as red,green,blue or colour,normal,texture\n"
     "      --weight-of NAME=W  let a property (colour, normal, quality ...) count in the\n"
     "                        order of collapses: off by 1, or a colour by black to\n"
     "                        white, is as bad as the surface off by W % of the diagonal\n"
@@ -160,7 +166,33 @@ static void print_topology(FILE *f, const wh_reduce_report *r)
 		(void)fputc('\n', f);
 }
 
-static void print_notes(FILE *f, const wh_reduce_report *r)
+/* Says what went before anything was reduced. */
+static void print_hygiene(FILE *f, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	const struct {
+		uint64_t n;
+		const char *what;
+		uint64_t faces;
+		const char *how;
+	} kind[] = {
+	    {r->invalid_vertices, "vertices that are not finite", r->invalid_faces,
+	     "faces with them"},
+	    {r->welded_vertices, "vertices, welded to others", r->collapsed_faces,
+	     "faces that lost a corner so"},
+	    {p->weld || p->drop_duplicates ? r->duplicate_faces : 0, "copies of faces", 0, NULL},
+	    {r->small_components, "small components", r->component_faces, "faces of them"}};
+	for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
+		if (kind[i].n == 0)
+			continue;
+		(void)fprintf(f, "dropped %llu %s", (unsigned long long)kind[i].n, kind[i].what);
+		if (kind[i].how)
+			(void)fprintf(f, ", %llu %s", (unsigned long long)kind[i].faces,
+			              kind[i].how);
+		(void)fputc('\n', f);
+	}
+}
+
+static void print_notes(FILE *f, const reduce_options *o, const wh_reduce_report *r)
 {
 	if (r->unchanged)
 		(void)fprintf(f, "the target is no smaller than the input: copied unchanged\n");
@@ -180,6 +212,7 @@ static void print_notes(FILE *f, const wh_reduce_report *r)
 		(void)fprintf(f, "dropped %llu %s without faces\n",
 		              (unsigned long long)r->unreferenced_vertices,
 		              vertices_word(r->unreferenced_vertices));
+	print_hygiene(f, &o->params, r);
 	print_topology(f, r);
 	if (r->nonmanifold_kept)
 		(void)fprintf(f, "kept %llu non-manifold %s in place\n",
@@ -215,7 +248,7 @@ static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 	(void)fprintf(f, "%s: %llu faces -> %s: %llu faces, %llu vertices\n", o->params.input,
 	              (unsigned long long)r->input_faces, o->params.output,
 	              (unsigned long long)r->output_faces, (unsigned long long)r->output_vertices);
-	print_notes(f, r);
+	print_notes(f, o, r);
 	(void)fprintf(
 	    f, "%.1f s, %.2f M faces removed/s, peak memory %.0f MiB, temporary disk %.0f MiB\n",
 	    r->seconds_total, reduce_faces_per_second(r) / 1e6, (double)cmd_peak_rss() / 1048576.0,

@@ -24,6 +24,7 @@ static const char help[] =
     "      --flat             shows the faces; default: smooth across edges\n"
     "      --wireframe        draws the edges, too\n"
     "      --colours          as in the file (red, green, blue of its vertices)\n"
+    "      --texture[=IMAGE]  with the textures that the file names, or with this PNG or JPEG\n"
     "      --distance-to FILE coloured by the distance from this mesh, with a legend;\n"
     "      --range MAX        the last colour is this distance, in units of the file\n"
     "      --contact-sheet    several FILEs side by side, or one from six sides, or\n"

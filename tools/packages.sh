@@ -9,7 +9,7 @@
 set -euo pipefail
 
 build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev libhwloc-dev
-	libpng-dev zlib1g-dev libzstd-dev libjs-three)
+	libpng-dev libjpeg62-turbo-dev zlib1g-dev libzstd-dev libjs-three)
 test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
 	clang-format clang-tidy binutils python3 valgrind zstd libopenmpi-dev openmpi-bin)
 browser_packages=(chromium chromium-driver)

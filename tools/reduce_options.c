@@ -19,6 +19,10 @@ enum {
 	OPT_COST,
 	OPT_FACE_WEIGHT,
 	OPT_PLACEMENT,
+	OPT_DROP_INVALID,
+	OPT_WELD,
+	OPT_DROP_DUPLICATES,
+	OPT_MIN_COMPONENT,
 	OPT_ATTRIBUTES,
 	OPT_WEIGHT,
 	OPT_MEMORY,
@@ -30,6 +34,7 @@ enum {
 	OPT_ASCII,
 	OPT_QUANTIZE,
 	OPT_FROM,
+	OPT_READER,
 	OPT_TO,
 	OPT_REPORT,
 	OPT_SEAMS,
@@ -55,11 +60,16 @@ static const struct option long_options[] = {
     {"cost", required_argument, NULL, OPT_COST},
     {"weight", required_argument, NULL, OPT_FACE_WEIGHT},
     {"placement", required_argument, NULL, OPT_PLACEMENT},
+    {"drop-invalid", no_argument, NULL, OPT_DROP_INVALID},
+    {"weld", required_argument, NULL, OPT_WELD},
+    {"drop-duplicates", no_argument, NULL, OPT_DROP_DUPLICATES},
+    {"min-component", required_argument, NULL, OPT_MIN_COMPONENT},
     {"attributes", required_argument, NULL, OPT_ATTRIBUTES},
     {"weight-of", required_argument, NULL, OPT_WEIGHT},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
+    {"reader", required_argument, NULL, OPT_READER},
     {"from", required_argument, NULL, OPT_FROM},
     {"to", required_argument, NULL, OPT_TO},
     {"run-dir", required_argument, NULL, OPT_RUN_DIR},
@@ -132,6 +142,12 @@ static bool parse_topology(const char *text, bool *simplify)
 	return *simplify || strcmp(text, "keep") == 0;
 }
 
+static bool parse_weld(const char *text, wh_reduce_params *p)
+{
+	p->weld = true;
+	return cmd_parse_weld(text, &p->weld_distance, &p->weld_share);
+}
+
 /* Appends to the list of weights. */
 static bool add_weight(reduce_options *o, const char *arg)
 {
@@ -150,6 +166,10 @@ static bool *switch_of(reduce_options *o, int opt)
 		return &p->fast;
 	case OPT_LOCK:
 		return &p->lock_boundary;
+	case OPT_DROP_INVALID:
+		return &p->drop_invalid;
+	case OPT_DROP_DUPLICATES:
+		return &p->drop_duplicates;
 	case OPT_RESUME:
 		return &p->resume;
 	case OPT_ASCII:
@@ -196,6 +216,8 @@ static const char **text_of(reduce_options *o, int opt)
 		return &p->placement;
 	case OPT_TEMP:
 		return &p->temp_dir;
+	case OPT_READER:
+		return &p->reader;
 	case OPT_TO:
 		return &p->to;
 	case OPT_REPORT:
@@ -230,6 +252,12 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_TOPOLOGY:
 		ok = parse_topology(arg, &p->simplify_topology);
+		break;
+	case OPT_WELD:
+		ok = parse_weld(arg, p);
+		break;
+	case OPT_MIN_COMPONENT:
+		ok = parse_size(arg, false, &p->min_component) && p->min_component > 0;
 		break;
 	case OPT_WEIGHT:
 		ok = add_weight(o, arg);
@@ -307,6 +335,8 @@ static const char *expected(int opt)
 		return "a distance above 0, in units of the file or such as 0.01%";
 	case OPT_TOPOLOGY:
 		return "keep or simplify";
+	case OPT_WELD:
+		return "a distance from 0 on, in units of the file or such as 0.001%";
 	case OPT_MEMORY:
 		return "a size of 1M or more, such as 512M or 4G";
 	case OPT_THREADS:

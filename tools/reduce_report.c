@@ -52,6 +52,26 @@ static json_t *put_object(json_t *o, const char *key)
 	return child;
 }
 
+/* What went before anything was reduced, and what was asked for. */
+static void put_hygiene(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	json_t *o = put_object(root, "hygiene");
+	put_flag(o, "drop_invalid", p->drop_invalid);
+	put_count(o, "invalid_vertices", r->invalid_vertices);
+	put_count(o, "invalid_faces", r->invalid_faces);
+	put_flag(o, "weld", p->weld);
+	put_real(o, "weld_distance", r->weld_distance);
+	put_count(o, "welded_vertices", r->welded_vertices);
+	put_count(o, "collapsed_faces", r->collapsed_faces);
+	put_flag(o, "drop_duplicates", p->drop_duplicates || p->weld);
+	put_count(o, "duplicate_faces", r->duplicate_faces);
+	put_count(o, "zero_area_faces", r->zero_area_faces);
+	put_count(o, "min_component", p->min_component);
+	put_count(o, "small_components", r->small_components);
+	put_count(o, "small_component_faces", r->component_faces);
+	put_count(o, "small_component_vertices", r->component_vertices);
+}
+
 static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
 {
 	json_t *o = put_object(root, "parameters");
@@ -253,6 +273,7 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_text(root, "version", WHITTLE_VERSION);
 	put_parameters(root, p, r);
 	put_input(root, p, r);
+	put_hygiene(root, p, r);
 	put_output(root, p, r);
 	put_outcome(root, r);
 	put_levels(root, p, r);

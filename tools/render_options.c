@@ -19,6 +19,7 @@ enum {
 	OPT_FLAT,
 	OPT_WIREFRAME,
 	OPT_COLOURS,
+	OPT_TEXTURE,
 	OPT_DISTANCE,
 	OPT_RANGE,
 	OPT_SHEET,
@@ -43,6 +44,7 @@ static const struct option long_options[] = {
     {"wireframe", no_argument, NULL, OPT_WIREFRAME},
     {"colours", no_argument, NULL, OPT_COLOURS},
     {"colors", no_argument, NULL, OPT_COLOURS},
+    {"texture", optional_argument, NULL, OPT_TEXTURE},
     {"distance-to", required_argument, NULL, OPT_DISTANCE},
     {"range", required_argument, NULL, OPT_RANGE},
     {"contact-sheet", no_argument, NULL, OPT_SHEET},
@@ -223,6 +225,9 @@ static bool take_option(render_options *o, int opt, const char *arg)
 	p->flat |= opt == OPT_FLAT;
 	p->wireframe |= opt == OPT_WIREFRAME;
 	p->colours |= opt == OPT_COLOURS;
+	p->texture |= opt == OPT_TEXTURE;
+	if (opt == OPT_TEXTURE)
+		p->texture_file = arg;
 	p->force |= opt == 'f';
 	o->sheet |= opt == OPT_SHEET;
 	o->quiet |= opt == 'q';

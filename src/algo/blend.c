@@ -62,14 +62,11 @@ typedef struct corner {
 	wh_vec3 pos;
 } corner;
 
-static void begin(const wh_engine *e, const wh_trial *t, mix *m)
+/* The records are still to come. */
+static void begin(const wh_trial *t, mix *m)
 {
 	const double len2 = wh_norm2(t->edge), along = wh_dot(t->to, t->edge);
 	m->n = t->n + RING;
-	m->record[HUB] = wh_patch_attr(e->p, t->v);
-	m->record[OTHER] = wh_patch_attr(e->p, t->u);
-	for (uint32_t i = 0; i < t->n; i++)
-		m->record[RING + i] = wh_patch_attr(e->p, t->id[i]);
 	memset(m->weight, 0, m->n * sizeof *m->weight);
 	m->total = 0;
 	m->along = len2 > 0 ? fmin(fmax(along / len2, 0), 1) : 0;
@@ -321,25 +318,44 @@ static bool is_of_normal(const wh_attributes *as, uint32_t k)
 	return as->has_normal && (k == as->normal[0] || k == as->normal[1] || k == as->normal[2]);
 }
 
-void wh_blend(const wh_engine *e, const wh_trial *t)
+/* All values of a record. */
+static void mix_record(const wh_attributes *as, const mix *m, uint8_t *to)
 {
-	const wh_attributes *as = e->params->attributes;
-	uint8_t *to = wh_patch_attr(e->p, t->v);
-	mix m;
-	begin(e, t, &m);
-	add_faces(t, &m);
-	end(&m);
 	if (as->has_normal)
-		mix_normal(as, &m, to);
+		mix_normal(as, m, to);
 	for (uint32_t k = 0; k < as->n; k++) {
 		const wh_attribute *a = &as->item[k];
 		if (a->kind != WH_KIND_LABEL) {
 			if (!is_of_normal(as, k))
-				wh_attribute_set(a, to, mixed(a, &m));
-		} else if (m.along > 0.5) {
-			memcpy(to + a->at, m.record[OTHER] + a->at, wh_attribute_bytes(a));
+				wh_attribute_set(a, to, mixed(a, m));
+		} else if (m->along > 0.5) {
+			memcpy(to + a->at, m->record[OTHER] + a->at, wh_attribute_bytes(a));
 		}
 	}
+}
+
+void wh_blend(const wh_engine *e, const wh_trial *t)
+{
+	mix m;
+	begin(t, &m);
+	m.record[HUB] = wh_patch_attr(e->p, t->v);
+	m.record[OTHER] = wh_patch_attr(e->p, t->u);
+	for (uint32_t i = 0; i < t->n; i++)
+		m.record[RING + i] = wh_patch_attr(e->p, t->id[i]);
+	add_faces(t, &m);
+	end(&m);
+	mix_record(e->params->attributes, &m, wh_patch_attr(e->p, t->v));
+}
+
+void wh_blend_corner(const wh_trial *t, const wh_attributes *as, const uint8_t *const *record,
+                     uint8_t *to)
+{
+	mix m;
+	begin(t, &m);
+	memcpy(m.record, record, m.n * sizeof *record);
+	add_faces(t, &m);
+	end(&m);
+	mix_record(as, &m, to);
 }
 
 void wh_blend_take(const wh_engine *e, const wh_trial *t)

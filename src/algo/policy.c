@@ -193,10 +193,11 @@ void wh_policy_evaluate(const wh_engine *e, uint32_t hub, wh_fan *f)
 		                   .to = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]),
 		                   .rim = f->rim.at[i] > 0,
 		                   .locked = f->locked.at[i] > 0};
-		if (f->bar.at[i] > 0)
+		if (isinf(f->bar.at[i]))
 			f->cost.at[i] = (double)INFINITY;
 		else
 			evaluate(&d, f);
+		f->cost.at[i] += f->bar.at[i];
 	}
 }
 

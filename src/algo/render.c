@@ -229,6 +229,7 @@ typedef struct edge {
 
 typedef struct face {
 	const wh_look *look;
+	const wh_skin *skin;
 	const wh_spot *corner[3];
 	const wh_normal_sum *sum[3];
 	int64_t x0, x1, y0, y1; /* samples that may be inside, the last ones included */
@@ -378,6 +379,59 @@ static float edge_at(const face *f, const int64_t at[3])
 	return seen;
 }
 
+/* ---- textures ------------------------------------------------------------------------------- */
+
+/* Pixel (x, y) of a texture, as light. */
+static inline vec3f texel(const wh_skin *s, int64_t x, int64_t y)
+{
+	const int64_t w = s->w, h = s->h;
+	x = (x % w + w) % w;
+	y = (y % h + h) % h;
+	const uint8_t *p = s->rgba + 4 * (size_t)(y * w + x);
+	const vec3f c = {(float)p[0] / 255, (float)p[1] / 255, (float)p[2] / 255};
+	return (vec3f){c.x * c.x, c.y * c.y, c.z * c.z};
+}
+
+static inline vec3f between(vec3f a, vec3f b, float t)
+{
+	return (vec3f){a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z)};
+}
+
+/* Weights of the corners on the face itself: with perspective, those on the picture favour what is
+ * far away. */
+static void straighten_weights(const face *f, const float w[3], double out[3])
+{
+	const wh_camera *k = f->look->camera;
+	double sum = 0;
+	for (int i = 0; i < 3; i++) {
+		const double near =
+		    k->eye > 0 ? 1 - (double)f->corner[i]->depth / (k->samples * k->eye) : 1;
+		out[i] = (double)w[i] * near;
+		sum += out[i];
+	}
+	for (int i = 0; i < 3; i++)
+		out[i] /= sum;
+}
+
+/* The light of the texture at a sample, between the four pixels around it. */
+static vec3f texture_at(const face *f, const float w[3])
+{
+	const wh_skin *s = f->skin;
+	double t[3], u = 0, v = 0;
+	straighten_weights(f, w, t);
+	for (int i = 0; i < 3; i++) {
+		u += t[i] * (double)s->uv[i][0];
+		v += t[i] * (double)s->uv[i][1];
+	}
+	const double x = (u - floor(u)) * s->w - 0.5, y = (1 - (v - floor(v))) * s->h - 0.5;
+	if (!(fabs(x) + fabs(y) < 1e9))
+		return texel(s, 0, 0);
+	const int64_t i = (int64_t)floor(x), j = (int64_t)floor(y);
+	const float fx = (float)(x - (double)i), fy = (float)(y - (double)j);
+	return between(between(texel(s, i, j), texel(s, i + 1, j), fx),
+	               between(texel(s, i, j + 1), texel(s, i + 1, j + 1), fx), fy);
+}
+
 static uint32_t colour_of(const face *f, paint *p, const int64_t at[3], const float w[3])
 {
 	if (!p->ready)
@@ -385,8 +439,8 @@ static uint32_t colour_of(const face *f, paint *p, const int64_t at[3], const fl
 	float gloss;
 	const float light = shade(unit(mixed(p->normal, w)), &gloss);
 	float rgb[3] = {f->look->base[0], f->look->base[1], f->look->base[2]};
-	if (f->look->colours) {
-		const vec3f own = mixed(p->colour, w);
+	if (f->look->colours || f->skin) {
+		const vec3f own = f->skin ? texture_at(f, w) : mixed(p->colour, w);
 		rgb[0] = own.x;
 		rgb[1] = own.y;
 		rgb[2] = own.z;
@@ -437,12 +491,13 @@ void wh_canvas_expect(const wh_canvas *v, const wh_spot *corner)
 }
 
 void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *const corner[3],
-                    const wh_normal_sum *const normal[3])
+                    const wh_normal_sum *const normal[3], const wh_skin *skin)
 {
 	face f;
 	if (!set_up(v, look, corner, &f))
 		return;
 	paint p = {0};
+	f.skin = skin;
 	for (int i = 0; i < 3; i++)
 		f.sum[i] = look->smooth ? normal[i] : NULL;
 	int64_t row[3] = {f.edge[0].at, f.edge[1].at, f.edge[2].at};

@@ -96,9 +96,18 @@ typedef struct wh_look {
 /* A face with this corner will be drawn soon: has the samples there brought near. */
 void wh_canvas_expect(const wh_canvas *v, const wh_spot *corner);
 
-/* Draws one face; `normal` may be NULL when the look is not smooth. Thread-safe. */
+/* The texture of a face: a picture of rows from top to bottom, four bytes a pixel, which goes on
+ * for ever in all directions; and where the corners are in it, v upwards. */
+typedef struct wh_skin {
+	uint32_t w, h;
+	const uint8_t *rgba;
+	float uv[3][2];
+} wh_skin;
+
+/* Draws one face; `normal` may be NULL when the look is not smooth, `skin` when it has no texture.
+ * Thread-safe. */
 void wh_canvas_face(const wh_canvas *v, const wh_look *look, const wh_spot *const corner[3],
-                    const wh_normal_sum *const normal[3]);
+                    const wh_normal_sum *const normal[3], const wh_skin *skin);
 
 /* Draws one point, as a small ball. Thread-safe. */
 void wh_canvas_point(const wh_canvas *v, const wh_look *look, const wh_spot *spot);

@@ -49,17 +49,21 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w->first);
 	wh_free(c, w->corner);
 	wh_free(c, w->spill);
+	wh_free(c, w->slot);
+	wh_free(c, w->spill_slot);
+	wh_free(c, w->wedge);
 	wh_free(c, w->opinions);
 	wh_free(c, w->quadric);
 	wh_free(c, w);
 }
 
-size_t wh_simplify_bytes(uint64_t nv, uint64_t nf)
+size_t wh_simplify_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes)
 {
+	const size_t slots = face_bytes ? WH_RING_INLINE * sizeof(uint32_t) : 0;
 	const size_t vertex =
 	    sizeof(wh_star) + sizeof(wh_mark) + sizeof(wh_queue_link) + sizeof(uint32_t);
 	const size_t corners = 3 * sizeof(uint32_t);
-	return (size_t)nv * vertex + (size_t)nf * corners + sizeof(wh_simplify_work) + 64;
+	return (size_t)nv * (vertex + slots) + (size_t)nf * corners + sizeof(wh_simplify_work) + 64;
 }
 
 /* ---- time, error, shape ------------------------------------------------------------------- */
@@ -111,7 +115,8 @@ static uint32_t slack(const wh_engine *e)
 static bool reached(const wh_engine *e)
 {
 	const wh_simplify_params *s = e->params;
-	return (s->target_faces && e->faces <= s->target_faces) ||
+	return e->full || (s->most_collapses && e->result->collapses >= s->most_collapses) ||
+	       (s->target_faces && e->faces <= s->target_faces) ||
 	       (s->target_vertices && e->vertices <= s->target_vertices);
 }
 
@@ -249,12 +254,16 @@ static void blend(const wh_engine *e, const wh_trial *t)
 static wh_code perform(wh_engine *e, wh_trial *t, double err)
 {
 	blend(e, t);
+	if (e->wedges)
+		wh_wedges_before(e, t);
 	if (e->policy)
 		wh_policy_merge(e, t);
-	if (wh_trial_commit(e, t) != WH_OK || tell(e, t, err) != WH_OK)
+	if (wh_trial_commit(e, t) != WH_OK || (e->wedges && wh_wedges_after(e, t) != WH_OK) ||
+	    tell(e, t, err) != WH_OK)
 		return e->c->err.code;
 	e->p->err[t->v] = (float)err;
 	e->faces -= t->nshared;
+	e->taken += t->nshared;
 	e->vertices--;
 	note_collapse(e, t, err);
 	wh_queue_remove(&e->w->queue, t->u);
@@ -373,11 +382,15 @@ static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
 	*out = REJECTED;
 	if (!wh_trial_make(e, &w->fan, hub, i, t))
 		return e->surgery ? try_surgery(e, i, bucket, out) : WH_OK;
-	if (!wh_trial_sound(e, t))
+	if (!wh_trial_sound(e, t) || (e->wedges && !wh_wedges_plan(e, hub, &w->fan, i, t)))
 		return WH_OK;
 	const double err = isfinite(e->params->max_err) ? wh_trial_distance(e, t) : 0;
 	if (!(err <= e->params->max_err))
 		return WH_OK;
+	if (e->params->most_faces && e->taken + t->nshared > e->params->most_faces) {
+		e->full = true;
+		return WH_OK;
+	}
 	*out = overshoots(e, t->nshared) && !allow_overshoot ? SPARED : TAKEN;
 	return *out == TAKEN ? perform(e, t, err) : WH_OK;
 }
@@ -390,6 +403,8 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 	wh_fan *f = &e->w->fan;
 	bool spared = false;
 	wh_fan_gather(e, v, f);
+	if (e->wedges)
+		wh_wedges_bar(e, v, f);
 	if (e->policy)
 		wh_policy_evaluate(e, v, f);
 	else
@@ -410,7 +425,7 @@ static wh_code try_vertex(wh_engine *e, uint32_t v, uint32_t bucket, bool allow_
 		}
 		if (try_edge(e, v, i, bucket, allow_overshoot, out) != WH_OK)
 			return e->c->err.code;
-		if (*out == TAKEN)
+		if (*out == TAKEN || e->full)
 			return WH_OK;
 		if (*out == DEFERRED)
 			continue;
@@ -554,7 +569,8 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .params = params,
 	               .manner = params->fast ? &fast : &usual,
 	               .result = result,
-	               .surgery = params->free_topology && !params->sink,
+	               .surgery = params->free_topology && !params->sink && !params->wedges,
+	               .wedges = params->wedges,
 	               .weighted = params->attributes && params->attributes->weighted,
 	               .faces = p->nf,
 	               .vertices = p->nv};

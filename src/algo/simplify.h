@@ -11,6 +11,7 @@
 #include "mesh/collapse.h"
 
 struct wh_attributes;
+struct wh_wedges;
 
 /* Log of a run: sixteen bins of cost to every power of two, over all doubles >= 0. */
 enum { WH_LOG_MANTISSA = 4, WH_LOG_BINS = 2048 << WH_LOG_MANTISSA };
@@ -30,9 +31,11 @@ typedef enum wh_topology {
 } wh_topology;
 
 typedef struct wh_simplify_params {
-	uint32_t target_faces;    /* stop at or below this many faces; 0: no limit */
-	uint32_t target_vertices; /* stop at or below this many vertices; 0: no limit */
-	double max_cost;          /* no collapse above this cost; INFINITY: no limit */
+	uint32_t target_faces;               /* stop at or below this many faces; 0: no limit */
+	uint32_t target_vertices;            /* stop at or below this many vertices; 0: no limit */
+	uint64_t most_faces, most_collapses; /* stop before more faces are taken than this, or after
+	                                        so many collapses; 0: no limit */
+	double max_cost;                     /* no collapse above this cost; INFINITY: no limit */
 	double max_err;       /* no collapse whose accumulated distance exceeds this; INFINITY */
 	bool fast;            /* a looser order, for fewer evaluations, and more regular faces */
 	bool lock_boundary;   /* vertices on boundary edges stay as they are */
@@ -52,6 +55,8 @@ typedef struct wh_simplify_params {
 	const wh_collapse_sink
 	    *sink; /* gets every collapse, where `insist` is not set; NULL: nobody */
 	const struct wh_attributes *attributes; /* what the patch's records hold; NULL: nothing */
+	const struct wh_wedges
+	    *wedges;           /* what the records of the patch's faces hold; NULL: nothing */
 	double attribute_unit; /* an attribute that is off by 1 with a weight of 1 costs as much as
 	                          a surface that is off by this distance */
 	wh_policy_choice policy; /* other costs and places: they go neither with weights of
@@ -86,7 +91,7 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
 
 /* Bytes of workspace that a patch of these counts takes, the patch itself not included; without
  * those of a policy (wh_policy_bytes). */
-size_t wh_simplify_bytes(uint64_t nv, uint64_t nf);
+size_t wh_simplify_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes);
 
 /*
  * Reduces p. Cut and fixed vertices stay; vertices on non-manifold or inconsistently oriented

@@ -9,6 +9,7 @@
  *     blend.c          the attributes of the vertex that a collapse makes
  *     policy*.c        other costs and places than those of fan.c (policy.h)
  *     smooth.c         the result made smoother
+ *     wedge.c          what faces and their corners carry: borders, and what happens along them
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
 #define WH_ALGO_SIMPLIFY_ENGINE_H
@@ -158,6 +159,10 @@ struct wh_simplify_work {
 	size_t cap_star, cap_mark, cap_first;
 	uint32_t *corner;
 	size_t cap_corner;
+	/* while faces carry something: the faces of each ring, side by side with it */
+	uint32_t *slot, *spill_slot;
+	size_t cap_slot, cap_spill_slot;
+	struct wh_wedge_plan *wedge;
 	struct wh_opinions *opinions; /* of blend.c; NULL until attributes have weights */
 	wh_quadric *quadric;          /* of policy_qem.c: one for each vertex, about its place */
 	size_t cap_quadric;
@@ -191,12 +196,15 @@ typedef struct wh_engine {
 	const struct wh_policy *policy; /* NULL: the costs and places of fan.c */
 	wh_placement placement;         /* with a policy */
 	wh_simplify_result *result;
-	bool weighted;            /* attributes have weights */
-	uint32_t faces, vertices; /* alive */
-	uint32_t still;           /* faces between locked vertices: the first ones of p->tri */
-	bool surgery;             /* topology may change */
-	bool lenient;             /* faces may turn over */
-	uint32_t dead; /* with surgery: the last vertex to go; ring[0] of each is the one before */
+	bool weighted;                  /* attributes have weights */
+	const struct wh_wedges *wedges; /* faces carry this; NULL: nothing */
+	uint32_t faces, vertices;       /* alive */
+	uint64_t taken;                 /* faces, by collapses */
+	bool full;                      /* a collapse would have taken one too many */
+	uint32_t still; /* faces between locked vertices: the first ones of p->tri */
+	bool surgery;   /* topology may change */
+	bool lenient;   /* faces may turn over */
+	uint32_t dead;  /* with surgery: the last vertex to go; ring[0] of each is the one before */
 } wh_engine;
 
 /* Work that is the same for all lanes: the compiler makes vectors of it. Every lane does the same
@@ -371,5 +379,45 @@ void wh_policy_merge(wh_engine *e, const wh_trial *t);
 
 /* True when a collapse may change the costs of more edges than those of the new vertex. */
 bool wh_policy_is_wide(const wh_engine *e);
+/* The same for a corner: `record` are those of the vertex that stays, of the one that goes and of
+ * the new neighbours; what the surface has in the new place goes to `to`. */
+void wh_blend_corner(const wh_trial *t, const struct wh_attributes *as,
+                     const uint8_t *const *record, uint8_t *to);
+
+/* ---- wedge.c ------------------------------------------------------------------------------ */
+
+/* All of these are for patches whose faces carry something. */
+
+/* Room, before stars are built. */
+wh_code wh_wedges_begin(wh_engine *e);
+
+/* The faces around v, each between a neighbour and the next one in its ring. */
+static inline uint32_t *wh_slots(const wh_engine *e, uint32_t v)
+{
+	const wh_star *s = &e->w->star[v];
+	return s->n <= WH_RING_INLINE ? &e->w->slot[(size_t)v * WH_RING_INLINE]
+	                              : &e->w->spill_slot[s->ring[0]];
+}
+
+/* The ring of v was set: these are its faces. */
+wh_code wh_slots_set(wh_engine *e, uint32_t v, const uint32_t *face);
+
+/* Stars are built: finds the vertices that are on borders. */
+void wh_wedges_mark(wh_engine *e);
+
+/* Of a fan that was gathered: edges that may not be collapsed, or only into the other end, and what
+ * moving along a border costs. */
+void wh_wedges_bar(const wh_engine *e, uint32_t hub, wh_fan *f);
+
+/* What corners will carry after the collapse of edge i. False when that would turn a triangle of
+ * the texture over, or make a chart vanish. */
+bool wh_wedges_plan(wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i, const wh_trial *t);
+
+/* Makes it so, with the trial's commit in between. */
+void wh_wedges_before(wh_engine *e, const wh_trial *t);
+wh_code wh_wedges_after(wh_engine *e, const wh_trial *t);
+
+/* Faces that are gone leave the patch. */
+void wh_wedges_compact(wh_engine *e);
 
 #endif

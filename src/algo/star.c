@@ -44,6 +44,19 @@ static wh_code spill_take(wh_engine *e, uint32_t class, uint32_t *at)
 	return WH_OK;
 }
 
+/* The faces of a ring that steps made. */
+static wh_code set_slots(wh_engine *e, uint32_t v, const uint32_t *a, const uint32_t *face,
+                         uint32_t n)
+{
+	uint32_t slot[WH_MOST_AROUND];
+	const wh_star *s = &e->w->star[v];
+	const uint32_t *r = wh_ring(e, v);
+	for (uint32_t k = 0; k < s->n - !s->closed; k++)
+		for (uint32_t i = 0; i < n; i++)
+			slot[k] = a[i] == r[k] ? face[i] : slot[k];
+	return wh_slots_set(e, v, slot);
+}
+
 static void spill_give(struct wh_simplify_work *w, uint32_t class, uint32_t at)
 {
 	w->spill[at] = w->spill_free[class - 1];
@@ -213,6 +226,14 @@ static bool walk_few(steps *s)
 	return i == 0;
 }
 
+/* The ring of v is that of the steps, of n neighbours. */
+static wh_code set_ring(wh_engine *e, uint32_t v, const steps *s, uint32_t n, const uint32_t *face)
+{
+	if (wh_ring_set(e, v, s->ring, n) != WH_OK)
+		return e->c->err.code;
+	return e->wedges && n ? set_slots(e, v, s->a, face, s->n) : WH_OK;
+}
+
 /* Finds what kind of vertex v is, and its ring when it is free. The marks of two faces on the same
  * three vertices make a cycle of two: not manifold either. */
 static wh_code classify(wh_engine *e, uint32_t v)
@@ -230,7 +251,7 @@ static wh_code classify(wh_engine *e, uint32_t v)
 		face_others(&e->p->tri[3 * (size_t)face[i]], v, &s.a[i], &s.b[i]);
 	if (walk_few(&s)) {
 		star->closed = true;
-		return star->flag & WH_LOCKED ? WH_OK : wh_ring_set(e, v, s.ring, s.n);
+		return star->flag & WH_LOCKED ? WH_OK : set_ring(e, v, &s, s.n, face);
 	}
 	const bool single = mark_steps(w, &s);
 	uint32_t starts = 0, ends = 0, start = 0;
@@ -255,7 +276,7 @@ static wh_code classify(wh_engine *e, uint32_t v)
 	if (star->flag & WH_LOCKED)
 		return WH_OK;
 	star->closed = starts == 0;
-	return wh_ring_set(e, v, s.ring, n);
+	return set_ring(e, v, &s, n, face);
 }
 
 static bool all_locked(const wh_engine *e, const uint32_t *t)
@@ -269,6 +290,8 @@ static void keep_still(wh_engine *e)
 {
 	wh_patch *p = e->p;
 	e->still = 0;
+	if (e->wedges)
+		return; /* all faces stay in the patch, with what they carry */
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		if (all_locked(e, t))
@@ -307,7 +330,7 @@ wh_code wh_stars_build(wh_engine *e)
 {
 	struct wh_simplify_work *w = e->w;
 	const wh_patch *p = e->p;
-	if (make_room(e) != WH_OK)
+	if (make_room(e) != WH_OK || (e->wedges && wh_wedges_begin(e) != WH_OK))
 		return e->c->err.code;
 	memset(w->mark, 0, p->nv * sizeof *w->mark);
 	w->tick = 0;
@@ -318,7 +341,7 @@ wh_code wh_stars_build(wh_engine *e)
 	for (uint32_t v = 0; v < p->nv; v++) {
 		wh_star *s = &w->star[v];
 		s->pos = p->pos[v];
-		s->flag = p->flag[v] & (uint8_t) ~(WH_BORDER | WH_HUB);
+		s->flag = p->flag[v] & (uint8_t) ~(WH_BORDER | WH_HUB | WH_EDGED);
 		s->n = 0;
 		s->sum = (wh_vertex_sum){0};
 		if (wh_poll_at(e->c, v) != WH_OK ||
@@ -329,6 +352,8 @@ wh_code wh_stars_build(wh_engine *e)
 	if (e->policy && wh_policy_begin(e) != WH_OK)
 		return e->c->err.code;
 	keep_still(e);
+	if (e->wedges)
+		wh_wedges_mark(e);
 	return WH_OK;
 }
 
@@ -358,9 +383,12 @@ void wh_stars_unbuild(wh_engine *e)
 		const wh_star *s = &e->w->star[v];
 		p->pos[v] = s->pos;
 		p->flag[v] = s->flag;
-		if (s->n)
+		if (s->n && !e->wedges)
 			to = write_faces(e, v, to);
 	}
-	p->nf = (uint32_t)((size_t)(to - p->tri) / 3);
+	if (e->wedges)
+		wh_wedges_compact(e);
+	else
+		p->nf = (uint32_t)((size_t)(to - p->tri) / 3);
 	(void)wh_patch_compact(p, e->w->first);
 }

@@ -234,7 +234,8 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 	t->edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
 	t->cost = f->cost.at[i];
 	t->weight = f->weight.at[i];
-	t->x = t->into_locked || is_at_other(e, f, i)
+	/* also where it may go nowhere but to the other end (wedge.c) */
+	t->x = t->into_locked || f->locked.at[i] > 0 || is_at_other(e, f, i)
 	           ? o->pos
 	           : new_position(e, h->pos,
 	                          wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]),

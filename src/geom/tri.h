@@ -132,4 +132,18 @@ static inline double wh_tri_radius_ratio(wh_vec3 a, wh_vec3 b, wh_vec3 c)
 	return product > 0 ? fmin(4 * wh_norm2(wh_cross(ab, bc)) / product, 1) : 0;
 }
 
+/* The direction of the normal, of length 1 to rounding: zero for triangles so near to a line
+ * that rounding decides, or with a corner that is not finite. Scaled as the radius ratio is. */
+static inline wh_vec3 wh_tri_direction(wh_vec3 a, wh_vec3 b, wh_vec3 c)
+{
+	const wh_vec3 ab = wh_sub(b, a), ac = wh_sub(c, a);
+	const double size = fmax(wh_largest_coordinate(ab), wh_largest_coordinate(ac));
+	if (!(size > 0) || isinf(size))
+		return wh_v3(0, 0, 0);
+	const double scale = ldexp(1, -(int)fmax(ilogb(size), -1000));
+	const wh_vec3 n = wh_cross(wh_scale(ab, scale), wh_scale(ac, scale));
+	const double length = wh_norm(n);
+	return length > 1e-13 ? wh_scale(n, 1 / length) : wh_v3(0, 0, 0);
+}
+
 #endif

@@ -113,11 +113,10 @@ static bool is_kind(const char *name, size_t n)
 	return false;
 }
 
-/* Does this one name of the list mean the property? */
-static bool means(const char *name, size_t n, const wh_ply_prop *q)
+/* Does this one name of the list mean a property? */
+static bool means(const char *name, size_t n, const char *property, wh_kind kind)
 {
-	return same(q->name, name, n) ||
-	       (is_kind(name, n) && same(wh_kind_name(kind_of(q)), name, n));
+	return same(property, name, n) || (is_kind(name, n) && same(wh_kind_name(kind), name, n));
 }
 
 static bool is_all(const char *wanted)
@@ -125,7 +124,7 @@ static bool is_all(const char *wanted)
 	return !wanted || strcmp(wanted, "all") == 0;
 }
 
-static bool is_wanted(const char *wanted, const wh_ply_prop *q)
+bool wh_attributes_names(const char *wanted, const char *property, wh_kind kind)
 {
 	if (is_all(wanted))
 		return true;
@@ -134,45 +133,62 @@ static bool is_wanted(const char *wanted, const wh_ply_prop *q)
 	while (*wanted) {
 		size_t n;
 		const char *name = next_name(&wanted, &n);
-		if (means(name, n, q))
+		if (means(name, n, property, kind))
 			return true;
 	}
 	return false;
 }
 
-static bool is_position(const wh_ply *p, int prop)
+static bool is_wanted(const char *wanted, const wh_ply_prop *q)
 {
+	return wh_attributes_names(wanted, q->name, kind_of(q));
+}
+
+static bool is_position(const wh_ply *p, int elem, int prop)
+{
+	if (elem != p->vertex)
+		return false;
 	return prop == p->x || prop == p->y || prop == p->z;
+}
+
+/* Is there a property of this name that might be carried? The one list that is, of faces, is. */
+static bool has_name(const wh_ply *p, int elem, const char *name, size_t n)
+{
+	const wh_ply_elem *e = &p->elems[elem];
+	for (int i = 0; i < (int)e->nprops; i++) {
+		const bool list = e->props[i].is_list &&
+		                  (elem != p->face || wh_type_is_integer(e->props[i].type));
+		if (!list && !is_position(p, elem, i) && same(e->props[i].name, name, n))
+			return true;
+	}
+	return false;
 }
 
 /* Every name of the list is to mean something. */
 static wh_code check_names(wh_ctx *c, const wh_ply *p, const char *wanted)
 {
-	const wh_ply_elem *e = &p->elems[p->vertex];
 	if (is_all(wanted) || strcmp(wanted, "none") == 0)
 		return WH_OK;
 	while (*wanted) {
 		size_t n;
 		const char *name = next_name(&wanted, &n);
-		bool found = is_kind(name, n);
-		for (int i = 0; i < (int)e->nprops; i++)
-			found = found || (!e->props[i].is_list && !is_position(p, i) &&
-			                  means(name, n, &e->props[i]));
-		if (!found)
+		if (!is_kind(name, n) && !has_name(p, p->vertex, name, n) &&
+		    (p->face < 0 || !has_name(p, p->face, name, n)))
 			return wh_fail(c, WH_E_USAGE,
-			               "'%s' has no vertex property '%.*s' that could be carried; "
+			               "'%s' has no property '%.*s' that could be carried; "
 			               "whittle info lists what it has",
 			               p->path, n > 100 ? 100 : (int)n, name);
 	}
 	return WH_OK;
 }
 
-static uint32_t carried(const wh_ply *p, const char *wanted)
+static uint32_t carried(const wh_ply *p, int elem, const char *wanted)
 {
-	const wh_ply_elem *e = &p->elems[p->vertex];
+	const wh_ply_elem *e = &p->elems[elem];
 	uint32_t n = 0;
 	for (int i = 0; i < (int)e->nprops; i++)
-		n += !e->props[i].is_list && !is_position(p, i) && is_wanted(wanted, &e->props[i]);
+		n += !e->props[i].is_list && !is_position(p, elem, i) &&
+		     is_wanted(wanted, &e->props[i]);
 	return n;
 }
 
@@ -275,17 +291,25 @@ static void keep_held(wh_attributes *a, uint32_t holds)
 
 wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_attributes *a)
 {
-	const wh_ply_elem *e = &p->elems[p->vertex];
-	const uint32_t n = carried(p, wanted.names);
 	*a = (wh_attributes){0};
 	if (check_names(c, p, wanted.names) != WH_OK)
 		return c->err.code;
+	return wh_attributes_choose_of(c, p, p->vertex, wanted, a);
+}
+
+wh_code wh_attributes_choose_of(wh_ctx *c, const wh_ply *p, int elem, wh_wanted wanted,
+                                wh_attributes *a)
+{
+	const wh_ply_elem *e = &p->elems[elem];
+	const uint32_t n = carried(p, elem, wanted.names);
+	*a = (wh_attributes){0};
 	if (n > WH_MOST_ATTRIBUTES && wanted.holds == WH_HOLDS_ALL)
 		return wh_fail(c, WH_E_USAGE,
 		               "'%s' has %" PRIu32
-		               " vertex properties, of which %d can be carried: name those that "
+		               " %s properties, of which %d can be carried: name those that "
 		               "matter with --attributes",
-		               p->path, n, WH_MOST_ATTRIBUTES);
+		               p->path, n, elem == p->vertex ? "vertex" : "face",
+		               WH_MOST_ATTRIBUTES);
 	if (n == 0 || wanted.holds == 0)
 		return WH_OK;
 	a->item = wh_alloc(c, n, sizeof *a->item);
@@ -297,7 +321,7 @@ wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_at
 	uint32_t file_at = 0;
 	for (int i = 0; i < (int)e->nprops; i++) {
 		const wh_ply_prop *q = &e->props[i];
-		if (is_position(p, i))
+		if (is_position(p, elem, i))
 			a->before[i == p->x ? 0 : i == p->y ? 1 : 2] = a->n;
 		else if (!q->is_list && is_wanted(wanted.names, q))
 			add(a, p, q, i, file_at);

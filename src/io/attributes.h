@@ -82,7 +82,8 @@ enum {
 	WH_HOLDS_ALPHA = 2,
 	WH_HOLDS_NORMAL = 4,
 	WH_HOLDS_TEXTURE = 8,
-	WH_HOLDS_ALL = 255 /* any property */
+	WH_HOLDS_ALL = 255,  /* any property of vertices */
+	WH_HOLDS_FACES = 256 /* what faces and their corners carry (wedges.h) */
 };
 
 /* What to carry: names as below, as far as the output has room for it. */
@@ -95,10 +96,16 @@ typedef struct wh_wanted {
  * Chooses among the vertex properties of p, which must stay open as long as *a is in use. Names:
  * NULL or "all"; "none"; or names with commas between them, where colour, normal and texture stand
  * for all of that kind that there are. WH_E_USAGE for any other name that the file does not have,
- * or more than WH_MOST_ATTRIBUTES.
+ * of vertices or faces, or more than WH_MOST_ATTRIBUTES.
  */
 wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_attributes *a);
+/* The same among the scalars of any element; names that it does not have are passed over. */
+wh_code wh_attributes_choose_of(wh_ctx *c, const wh_ply *p, int elem, wh_wanted wanted,
+                                wh_attributes *a);
 void wh_attributes_free(wh_ctx *c, wh_attributes *a);
+
+/* True when such a list means a property of this name and kind. */
+bool wh_attributes_names(const char *wanted, const char *name, wh_kind kind);
 
 /*
  * Sets weights: NULL, or NAME=W with commas between them, where colour, normal and texture stand

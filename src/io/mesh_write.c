@@ -10,6 +10,7 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 enum {
 	ROOM = 65536, /* of an outfile */
@@ -45,7 +46,7 @@ uint32_t wh_mesh_holds(wh_format format)
 {
 	switch (format) {
 	case WH_FORMAT_OBJ:
-		return WH_HOLDS_COLOUR;
+		return WH_HOLDS_COLOUR | WH_HOLDS_FACES;
 	case WH_FORMAT_OFF:
 		return WH_HOLDS_COLOUR | WH_HOLDS_ALPHA | WH_HOLDS_NORMAL | WH_HOLDS_TEXTURE;
 	case WH_FORMAT_GLB:
@@ -53,7 +54,7 @@ uint32_t wh_mesh_holds(wh_format format)
 	case WH_FORMAT_STL:
 		return 0;
 	default:
-		return WH_HOLDS_ALL;
+		return WH_HOLDS_ALL | WH_HOLDS_FACES;
 	}
 }
 
@@ -159,6 +160,113 @@ static char *off_triangle(char *to, const uint32_t ids[3])
 	return to;
 }
 
+/* ---- OBJ with what faces carry ------------------------------------------------------------ */
+
+static wh_code put_line(wh_ctx *c, const wh_mesh_out *m, const char *word, const char *name)
+{
+	if (wh_outfile_write(c, m->out, word, strlen(word)) != WH_OK ||
+	    wh_outfile_write(c, m->out, name, strlen(name)) != WH_OK)
+		return c->err.code;
+	return wh_outfile_write(c, m->out, "\n", 1);
+}
+
+static wh_code obj_begin(wh_ctx *c, wh_mesh_out *m)
+{
+	static const char first[] = "# made by whittle\n";
+	const wh_names *l = m->style.wedges ? m->style.wedges->libraries : NULL;
+	if (m->style.wedges)
+		m->recent = wh_calloc(c, WH_MESH_RECENT, sizeof *m->recent);
+	if ((m->style.wedges && !m->recent) ||
+	    wh_outfile_write(c, m->out, first, sizeof first - 1) != WH_OK)
+		return c->err.code;
+	for (uint32_t i = 0; l && i < l->n; i++)
+		if (put_line(c, m, "mtllib ", l->item[i]) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
+/* The number of a corner's texture coordinates, which are written unless they were for one of the
+ * last faces that use the vertex: so they stand twice at worst. 0: the corner has none. */
+static wh_code obj_texcoord(wh_ctx *c, wh_mesh_out *m, uint32_t vertex, const uint8_t *corner,
+                            uint64_t *number)
+{
+	char text[80], *end = text;
+	double uv[2];
+	*number = 0;
+	if (!wh_wedges_uv(m->style.wedges, corner, uv))
+		return WH_OK;
+	/* the wedges of a vertex lie side by side, as far as there are places */
+	wh_mesh_wedge *free = NULL;
+	for (uint32_t i = 0; i < WH_MESH_WEDGES; i++) {
+		wh_mesh_wedge *w = &m->recent[(vertex * WH_MESH_WEDGES + i) % WH_MESH_RECENT];
+		if (w->number && w->vertex == vertex && w->uv[0] == uv[0] && w->uv[1] == uv[1]) {
+			*number = w->number;
+			return WH_OK;
+		}
+		if (!free && (!w->number || w->vertex != vertex))
+			free = w;
+	}
+	if (free)
+		*free = (wh_mesh_wedge){vertex, {uv[0], uv[1]}, m->texcoords + 1};
+	*number = ++m->texcoords;
+	const bool wide = m->style.wedges->corner.item[0].type != WH_F32;
+	end += sprintf(end, "vt ");
+	end = wh_print_real(end, wide, uv[0]);
+	*end++ = ' ';
+	end = wh_print_real(end, wide, uv[1]);
+	*end++ = '\n';
+	return wh_outfile_write(c, m->out, text, (size_t)(end - text));
+}
+
+/* Says which material or group the next faces have, where it is another one. */
+static wh_code obj_label(wh_ctx *c, wh_mesh_out *m, const uint8_t *record, const char *property,
+                         const char *word, const char *none, const wh_names *names, uint64_t *last)
+{
+	const wh_attributes *a = &m->style.wedges->face;
+	const uint8_t *face = wh_wedges_face(m->style.wedges, record);
+	for (uint32_t i = 0; names && i < a->n; i++) {
+		if (strcmp(a->item[i].name, property) != 0)
+			continue;
+		const uint64_t now = (uint64_t)wh_attribute_get(&a->item[i], face);
+		if (now == *last)
+			continue;
+		*last = now;
+		return put_line(c, m, word, now && now <= names->n ? names->item[now - 1] : none);
+	}
+	return WH_OK;
+}
+
+static wh_code obj_carrying(wh_ctx *c, wh_mesh_out *m, const uint32_t *ids, const uint8_t *record)
+{
+	const wh_wedges *w = m->style.wedges;
+	char text[160], *to = text;
+	uint64_t t[3];
+	if (obj_label(c, m, record, "group", "", "g", w->groups, &m->label[1]) != WH_OK ||
+	    obj_label(c, m, record, "material", "usemtl ", "none", w->materials, &m->label[0]) !=
+	        WH_OK)
+		return c->err.code;
+	for (uint32_t k = 0; k < 3; k++)
+		if (obj_texcoord(c, m, ids[k], record + (size_t)k * w->corner.bytes, &t[k]) !=
+		    WH_OK)
+			return c->err.code;
+	*to++ = 'f';
+	for (uint32_t k = 0; k < 3; k++)
+		to += t[0] && t[1] && t[2]
+		          ? sprintf(to, " %" PRIu64 "/%" PRIu64, (uint64_t)ids[k] + 1, t[k])
+		          : sprintf(to, " %" PRIu64, (uint64_t)ids[k] + 1);
+	*to++ = '\n';
+	return wh_outfile_write(c, m->out, text, (size_t)(to - text));
+}
+
+static wh_code obj_write_carrying(wh_ctx *c, wh_mesh_out *m, const uint32_t *ids,
+                                  const uint8_t *records, size_t n)
+{
+	for (size_t i = 0; i < n; i++)
+		if (obj_carrying(c, m, ids + 3 * i, records + i * m->style.wedges->bytes) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
 /* ---- STL ---------------------------------------------------------------------------------- */
 
 static wh_code stl_begin(wh_ctx *c, const wh_mesh_out *m, uint64_t nf)
@@ -261,11 +369,10 @@ static wh_code off_begin(wh_ctx *c, const wh_mesh_out *m, uint64_t nv, uint64_t 
 wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style style, uint64_t nv,
                       uint64_t nf, const wh_mesh_box *box)
 {
-	static const char obj[] = "# made by whittle\n";
 	*m = (wh_mesh_out){.out = out, .style = style};
 	switch (style.format) {
 	case WH_FORMAT_OBJ:
-		return wh_outfile_write(c, out, obj, sizeof obj - 1);
+		return obj_begin(c, m);
 	case WH_FORMAT_OFF:
 		return off_begin(c, m, nv, nf);
 	case WH_FORMAT_STL:
@@ -327,10 +434,13 @@ wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, con
 	return WH_OK;
 }
 
-wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, size_t n)
+wh_code wh_mesh_triangles(wh_ctx *c, wh_mesh_out *m, const uint32_t *ids, const uint8_t *records,
+                          size_t n)
 {
 	if (!is_ours(m))
-		return wh_ply_write_triangles(c, m->out, m->style, ids, n);
+		return wh_ply_write_triangles(c, m->out, m->style, ids, records, n);
+	if (m->style.format == WH_FORMAT_OBJ && m->style.wedges)
+		return obj_write_carrying(c, m, ids, records, n);
 	for (size_t done = 0; done < n; done += BATCH) {
 		const size_t k = n - done < BATCH ? n - done : BATCH;
 		char *room = wh_outfile_room(c, m->out, ROOM);
@@ -349,4 +459,10 @@ wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m)
 	return m->style.format == WH_FORMAT_STL && m->style.ascii
 	           ? wh_outfile_write(c, m->out, "endsolid whittle\n", 17)
 	           : WH_OK;
+}
+
+void wh_mesh_free_out(wh_ctx *c, wh_mesh_out *m)
+{
+	wh_free(c, m->recent);
+	m->recent = NULL;
 }

@@ -15,6 +15,7 @@
 #include "io/glb_write.h"
 #include "io/outfile.h"
 #include "io/ply.h"
+#include "io/wedges.h"
 
 /* Bounds of the vertices. Zero-initialised, it holds no vertex. */
 typedef struct wh_mesh_box {
@@ -33,11 +34,23 @@ bool wh_mesh_wants_box(wh_ply_style style);
 /* True when triangles are written with their positions, and vertices not at all. */
 bool wh_mesh_wants_facets(wh_ply_style style);
 
+/* Texture coordinates that were written for a vertex. */
+enum { WH_MESH_WEDGES = 4, WH_MESH_RECENT = WH_MESH_WEDGES * 16384 };
+typedef struct wh_mesh_wedge {
+	uint32_t vertex;
+	double uv[2];
+	uint64_t number; /* from 1; 0: an empty place */
+} wh_mesh_wedge;
+
 /* A mesh on its way out. */
 typedef struct wh_mesh_out {
 	wh_outfile *out;
 	wh_ply_style style;
 	wh_glb glb;
+	/* OBJ: */
+	uint64_t texcoords;    /* written */
+	wh_mesh_wedge *recent; /* WH_MESH_RECENT of them; NULL: faces carry nothing */
+	uint64_t label[2];     /* of the last face: material and group */
 } wh_mesh_out;
 
 /* The header. `box` may be NULL where nobody wants it. WH_E_USAGE when the format cannot hold so
@@ -47,12 +60,15 @@ wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style s
 /* n vertices (3n doubles), with n records of the style's attributes, if it has any. */
 wh_code wh_mesh_vertices(wh_ctx *c, const wh_mesh_out *m, const double *xyz, const uint8_t *records,
                          size_t n);
-/* n triangles (3n indices). */
-wh_code wh_mesh_triangles(wh_ctx *c, const wh_mesh_out *m, const uint32_t *ids, size_t n);
+/* n triangles (3n indices), with n records of what they carry where the style has wedges. */
+wh_code wh_mesh_triangles(wh_ctx *c, wh_mesh_out *m, const uint32_t *ids, const uint8_t *records,
+                          size_t n);
 /* n triangles of the vertices at xyz, whose coordinates are multiplied by `scale`. */
 wh_code wh_mesh_facets(wh_ctx *c, const wh_mesh_out *m, const double *xyz, double scale,
                        const uint32_t *ids, size_t n);
 /* What is left to be written. */
 wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m);
+/* Frees what wh_mesh_begin took, after a failure too. */
+void wh_mesh_free_out(wh_ctx *c, wh_mesh_out *m);
 
 #endif

@@ -12,6 +12,7 @@
 
 #include "base/mem.h"
 #include "io/format.h"
+#include "io/names.h"
 
 #include <time.h>
 
@@ -66,9 +67,12 @@ typedef struct wh_ply {
 	bool open_ended; /* text: what is left of an item's line is passed over */
 	bool
 	    undeclared; /* text: coordinates are doubles where their digits tell more than floats */
+	bool keep_invalid; /* set by who opened it: vertices that are not finite are read as they
+	                      are, and polygons that use them left out, instead of refused */
 	char eol;       /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
+	wh_names textures; /* files that comments call TextureFile */
 	size_t header_lines;
 	/* what whittle works on; -1 where the file has none */
 	int vertex;     /* element with x, y, z */
@@ -110,6 +114,7 @@ void wh_ply_find_meaning(wh_ply *p);
 wh_code wh_ply_unchanged(wh_ctx *c, const wh_ply *p);
 
 struct wh_attributes;
+struct wh_wedges;
 
 /* Positions and triangles at fixed strides in a file. Holds no memory; owns no descriptor. */
 typedef struct wh_source {
@@ -122,10 +127,13 @@ typedef struct wh_source {
 	wh_type vtype[3];
 	bool vswap;
 	bool is_double; /* positions have more than float precision: write doubles */
+	bool keep_invalid; /* vertices that are not finite are no failure */
 	const struct wh_attributes *attributes; /* carried beside positions; NULL: none */
 	int afd; /* their records; -1: their scalars lie beside the positions */
 	uint64_t abase;
-	int ffd; /* triangles: */
+	const struct wh_wedges *wedges; /* carried by faces and corners; NULL: nothing. Their
+	                                   records lie at the end of each triangle */
+	int ffd;                        /* triangles: */
 	uint64_t fbase;
 	uint32_t fstride;
 	int64_t count_off; /*   corner count within a face; -1: none stored, always 3 */
@@ -154,8 +162,8 @@ size_t wh_source_vertex_bytes(const wh_source *s, size_t n);
 size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
 
 /*
- * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or a
- * coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
+ * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or,
+ * unless keep_invalid is set, a coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
  */
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
                            void *scratch);
@@ -180,6 +188,7 @@ typedef struct wh_ply_style {
 	wh_format format;                       /* of mesh_write; WH_FORMAT_ANY is PLY */
 	bool quantize;                          /* GLB: positions of 16 bits, the rest of 8 */
 	const struct wh_attributes *attributes; /* written beside positions; NULL: none */
+	const struct wh_wedges *wedges; /* the same of faces, in PLY and OBJ; NULL: nothing */
 } wh_ply_style;
 
 struct wh_outfile;
@@ -194,8 +203,9 @@ wh_code wh_ply_write_vertices(wh_ctx *c, struct wh_outfile *o, wh_ply_style styl
 /* The same with the records of their attributes, where the style has any. */
 wh_code wh_ply_write_records(wh_ctx *c, struct wh_outfile *o, wh_ply_style style, const double *xyz,
                              const uint8_t *records, size_t n);
-/* Appends n triangles (3n indices). */
+/* Appends n triangles (3n indices), with the records of what they carry where the style has
+ * wedges. */
 wh_code wh_ply_write_triangles(wh_ctx *c, struct wh_outfile *o, wh_ply_style style,
-                               const uint32_t *ids, size_t n);
+                               const uint32_t *ids, const uint8_t *records, size_t n);
 
 #endif

@@ -192,11 +192,24 @@ static wh_code parse_property(wh_ctx *c, parser *s)
 	return WH_OK;
 }
 
-static wh_code parse_line(wh_ctx *c, parser *s, bool *end)
+/* "comment TextureFile atlas.png": the name goes to the end of the line. */
+static wh_code parse_comment(wh_ctx *c, parser *s, const char *eol)
+{
+	uint32_t at;
+	if (s->nw < 3 || s->w[1].n != 11 || strncasecmp(s->w[1].at, "TextureFile", 11) != 0)
+		return WH_OK;
+	while (is_blank(eol[-1]))
+		eol--;
+	return wh_names_add(c, &s->p->textures, s->w[2].at, (size_t)(eol - s->w[2].at), &at);
+}
+
+static wh_code parse_line(wh_ctx *c, parser *s, const char *eol, bool *end)
 {
 	*end = false;
 	if (s->nw == 0)
 		return WH_OK;
+	if (is(&s->w[0], "comment"))
+		return parse_comment(c, s, eol);
 	if (is(&s->w[0], "format"))
 		return parse_format(c, s);
 	if (is(&s->w[0], "element"))
@@ -274,7 +287,7 @@ static wh_code parse_text(wh_ctx *c, parser *s)
 		if (next_line(c, s, &end) != WH_OK)
 			return c->err.code;
 		split(s, s->text + s->at, s->text + end);
-		if (parse_line(c, s, &done) != WH_OK)
+		if (parse_line(c, s, s->text + end, &done) != WH_OK)
 			return c->err.code;
 		s->at = end < s->n ? end + 1 : end;
 	}
@@ -475,6 +488,7 @@ void wh_ply_close(wh_ctx *c, wh_ply *p)
 		wh_free(c, p->elems[i].name);
 	}
 	wh_free(c, p->elems);
+	wh_names_free(c, &p->textures);
 	if (p->path && p->fd >= 0)
 		(void)close(p->fd);
 	wh_free(c, p->path);

@@ -62,6 +62,7 @@ void wh_ply_vertex_source(const wh_ply *p, uint64_t base, wh_source *out)
 	const wh_ply_elem *e = &p->elems[p->vertex];
 	const int prop[3] = {p->x, p->y, p->z};
 	out->path = p->path;
+	out->keep_invalid = p->keep_invalid;
 	out->nv = e->count;
 	out->vfd = p->fd;
 	out->vbase = base;
@@ -184,7 +185,8 @@ static wh_code check_finite(wh_ctx *c, const wh_source *s, uint64_t first, size_
 	return wh_fail(
 	    c, WH_E_INPUT,
 	    "'%s', vertex %" PRIu64
-	    ": %c is %g, not a finite number; remove such vertices and their faces first",
+	    ": %c is %g, not a finite number; 'reduce --drop-invalid' goes on without such vertices "
+	    "and their faces",
 	    s->path, first + i / 3, "xyz"[i % 3], xyz[i]);
 }
 
@@ -195,7 +197,7 @@ wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t
 	if (wh_ply_pread(c, s->path, s->vfd, scratch, n * s->vstride, at) != WH_OK)
 		return c->err.code;
 	decode_vertices(s, scratch, n, xyz);
-	return check_finite(c, s, first, n, xyz);
+	return s->keep_invalid ? WH_OK : check_finite(c, s, first, n, xyz);
 }
 
 /* --- attributes --- */

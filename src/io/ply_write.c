@@ -7,6 +7,7 @@
 #include "io/attributes.h"
 #include "io/number.h"
 #include "io/outfile.h"
+#include "io/wedges.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -22,6 +23,8 @@ enum {
 
 _Static_assert(3 * sizeof(double) * BATCH <= 65536, "a batch fits the room of an outfile");
 _Static_assert(TEXT_BATCH *TEXT_RECORD <= 65536, "a batch fits the room of an outfile");
+_Static_assert(TEXT_RECORD + (7 + WH_MOST_ATTRIBUTES) * (WH_ATTRIBUTE_TEXT + 1) <= ROOM,
+               "so does a triangle with what it carries");
 _Static_assert((3 + WH_MOST_ATTRIBUTES) * (WH_ATTRIBUTE_TEXT + 1) <= ROOM, "so does a vertex");
 
 /* Attributes that come before an axis; behind all of them, for axis 3. */
@@ -78,6 +81,32 @@ static wh_code write_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)
 	return WH_OK;
 }
 
+/* What belongs to the texture numbers. */
+static wh_code write_comments(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
+{
+	const wh_names *l = w ? w->textures : NULL;
+	for (uint32_t i = 0; l && i < l->n; i++)
+		if (wh_outfile_write(c, o, "comment TextureFile ", 20) != WH_OK ||
+		    wh_outfile_write(c, o, l->item[i], strlen(l->item[i])) != WH_OK ||
+		    wh_outfile_write(c, o, "\n", 1) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
+static wh_code write_face_properties(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
+{
+	if (w && w->corner.n &&
+	    write_property(
+	        c, o, w->corner.item[0].type == WH_F32 ? "list uchar float" : "list uchar double",
+	        "texcoord") != WH_OK)
+		return c->err.code;
+	for (uint32_t i = 0; w && i < w->face.n; i++)
+		if (write_property(c, o, type_name(w->face.item[i].out), w->face.item[i].name) !=
+		    WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
 wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64_t nv, uint64_t nf)
 {
 	if (nv > UINT32_MAX)
@@ -89,18 +118,23 @@ wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64
 	int n = snprintf(text, sizeof text,
 	                 "ply\n"
 	                 "format %s 1.0\n"
-	                 "comment made by whittle\n"
-	                 "element vertex %" PRIu64 "\n",
-	                 style.ascii ? "ascii" : "binary_little_endian", nv);
+	                 "comment made by whittle\n",
+	                 style.ascii ? "ascii" : "binary_little_endian");
+	if (wh_outfile_write(c, o, text, (size_t)n) != WH_OK ||
+	    write_comments(c, o, style.wedges) != WH_OK)
+		return c->err.code;
+	n = snprintf(text, sizeof text, "element vertex %" PRIu64 "\n", nv);
 	if (wh_outfile_write(c, o, text, (size_t)n) != WH_OK ||
 	    write_properties(c, o, style) != WH_OK)
 		return c->err.code;
 	n = snprintf(text, sizeof text,
 	             "element face %" PRIu64 "\n"
-	             "property list uchar %s vertex_indices\n"
-	             "end_header\n",
+	             "property list uchar %s vertex_indices\n",
 	             nf, nv < 0x80000000u ? "int" : "uint");
-	return wh_outfile_write(c, o, text, (size_t)n);
+	if (wh_outfile_write(c, o, text, (size_t)n) != WH_OK ||
+	    write_face_properties(c, o, style.wedges) != WH_OK)
+		return c->err.code;
+	return wh_outfile_write(c, o, "end_header\n", 11);
 }
 
 static void store32(unsigned char *to, uint32_t v)
@@ -253,9 +287,73 @@ static size_t put_triangles_text(char *to, const uint32_t *ids, size_t n)
 	return (size_t)(to - start);
 }
 
-wh_code wh_ply_write_triangles(wh_ctx *c, wh_outfile *o, wh_ply_style style, const uint32_t *ids,
-                               size_t n)
+/* ---- triangles that carry something ------------------------------------------------------- */
+
+static unsigned char *put_count(unsigned char *to, wh_ply_style style, unsigned n)
 {
+	if (style.ascii)
+		return to + sprintf((char *)to, "%u ", n);
+	*to = (unsigned char)n;
+	return to + 1;
+}
+
+/* Texture coordinates of all corners, or none. */
+static unsigned char *put_texcoords(unsigned char *to, wh_ply_style style, const uint8_t *record)
+{
+	const wh_attributes *a = &style.wedges->corner;
+	double uv[2];
+	for (uint32_t k = 0; k < 3; k++)
+		if (!wh_wedges_uv(style.wedges, record + (size_t)k * a->bytes, uv))
+			return put_count(to, style, 0);
+	to = put_count(to, style, 6);
+	for (uint32_t k = 0; k < 6; k++)
+		to = put_attribute(to, style, &a->item[k % 2], record + (size_t)(k / 2) * a->bytes);
+	return to;
+}
+
+static unsigned char *put_carrying(unsigned char *to, wh_ply_style style, const uint32_t *ids,
+                                   const uint8_t *record)
+{
+	const wh_wedges *w = style.wedges;
+	if (style.ascii) {
+		to += put_triangles_text((char *)to, ids, 1);
+		to[-1] = ' ';
+	} else {
+		to += put_triangles(to, ids, 1);
+	}
+	if (w->corner.n)
+		to = put_texcoords(to, style, record);
+	for (uint32_t i = 0; i < w->face.n; i++)
+		to = put_attribute(to, style, &w->face.item[i], wh_wedges_face(w, record));
+	if (style.ascii)
+		to[-1] = '\n';
+	return to;
+}
+
+static wh_code write_carrying(wh_ctx *c, wh_outfile *o, wh_ply_style style, const uint32_t *ids,
+                              const uint8_t *records, size_t n)
+{
+	const wh_wedges *w = style.wedges;
+	const size_t most =
+	    TEXT_RECORD + (7 + (size_t)w->face.n) * (style.ascii ? WH_ATTRIBUTE_TEXT + 1 : 8);
+	const size_t batch = ROOM / most;
+	for (size_t i = 0; i < n;) {
+		const size_t end = n - i < batch ? n : i + batch;
+		unsigned char *room = wh_outfile_room(c, o, ROOM), *to = room;
+		if (!room)
+			return c->err.code;
+		for (; i < end; i++)
+			to = put_carrying(to, style, ids + 3 * i, records + i * w->bytes);
+		wh_outfile_advance(o, (size_t)(to - room));
+	}
+	return WH_OK;
+}
+
+wh_code wh_ply_write_triangles(wh_ctx *c, wh_outfile *o, wh_ply_style style, const uint32_t *ids,
+                               const uint8_t *records, size_t n)
+{
+	if (style.wedges)
+		return write_carrying(c, o, style, ids, records, n);
 	const size_t batch = style.ascii ? TEXT_BATCH : BATCH;
 	for (size_t done = 0; done < n;) {
 		const size_t k = n - done < batch ? n - done : batch;

@@ -1,10 +1,12 @@
 /*
  * libpng appears in this file alone. Its memory comes from the context. It reports errors by a
- * long jump, which never leaves write_guarded.
+ * long jump, which never leaves write_guarded and read_guarded.
  */
-#include "io/png.h"
+#include "io/image.h"
 
 #ifdef WH_HAVE_PNG
+
+#include <string.h>
 
 #include <png.h>
 #include <string.h>
@@ -132,7 +134,106 @@ wh_code wh_png_encode(wh_ctx *c, wh_png *out, const wh_image *image, bool alpha)
 	return write_with(&w);
 }
 
+/* ---- reading ------------------------------------------------------------------------------ */
+
+typedef struct reader {
+	wh_ctx *c;
+	const char *path;
+	const uint8_t *bytes;
+	size_t n, at;
+	wh_image *image;
+	png_structp png;
+	png_infop info;
+} reader;
+
+static void on_read_error(png_structp png, png_const_charp text)
+{
+	const reader *r = png_get_error_ptr(png);
+	(void)wh_fail(r->c, WH_E_INPUT, "'%s' is a damaged PNG picture: %s", r->path, text);
+	png_longjmp(png, 1);
+}
+
+static png_voidp take_to_read(png_structp png, png_alloc_size_t bytes)
+{
+	const reader *r = png_get_mem_ptr(png);
+	return wh_alloc(r->c, bytes, 1);
+}
+
+static void give_back_read(png_structp png, png_voidp block)
+{
+	const reader *r = png_get_mem_ptr(png);
+	wh_free(r->c, block);
+}
+
+static void on_read(png_structp png, png_bytep to, size_t n)
+{
+	reader *r = png_get_io_ptr(png);
+	if (n > r->n - r->at)
+		png_error(png, "it is cut short");
+	memcpy(to, r->bytes + r->at, n);
+	r->at += n;
+}
+
+/* Whatever it holds, it comes out as four bytes a pixel. */
+static int set_transforms(const reader *r)
+{
+	png_set_expand(r->png);
+	png_set_scale_16(r->png);
+	png_set_gray_to_rgb(r->png);
+	png_set_add_alpha(r->png, 255, PNG_FILLER_AFTER);
+	return png_set_interlace_handling(r->png);
+}
+
+static void read_picture(const reader *r, int *passes)
+{
+	wh_image *m = r->image;
+	png_set_read_fn(r->png, (void *)r, on_read);
+	png_set_user_limits(r->png, WH_IMAGE_SIDE_MOST, WH_IMAGE_SIDE_MOST);
+	png_read_info(r->png, r->info);
+	*passes = set_transforms(r);
+	png_read_update_info(r->png, r->info);
+	if (wh_image_make(r->c, r->path, png_get_image_width(r->png, r->info),
+	                  png_get_image_height(r->png, r->info), m) != WH_OK)
+		png_longjmp(r->png, 1);
+	for (; *passes > 0; --*passes)
+		for (uint32_t y = 0; y < m->h; y++)
+			png_read_row(r->png, m->rgba + (size_t)y * m->w * 4, NULL);
+}
+
+static wh_code read_guarded(const reader *r, int *passes)
+{
+	if (setjmp(png_jmpbuf(r->png))) /* NOLINT(cert-err52-cpp): libpng's way */
+		return wh_failed(r->c);
+	read_picture(r, passes);
+	return WH_OK;
+}
+
+wh_code wh_png_read(wh_ctx *c, const char *path, const uint8_t *bytes, size_t n, wh_image *m)
+{
+	reader r = {.c = c, .path = path, .bytes = bytes, .n = n, .image = m};
+	int passes = 0;
+	r.png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, &r, on_read_error, on_warning, &r,
+	                                 take_to_read, give_back_read);
+	r.info = r.png ? png_create_info_struct(r.png) : NULL;
+	wh_code code = WH_OK;
+	if (!r.info)
+		code = wh_fail(c, WH_E_RUN, "libpng cannot be used: it refused to start");
+	else
+		code = read_guarded(&r, &passes);
+	png_destroy_read_struct(&r.png, &r.info, NULL);
+	return code;
+}
+
 #else
+
+wh_code wh_png_read(wh_ctx *c, const char *path, const uint8_t *bytes, size_t n, wh_image *m)
+{
+	(void)path;
+	(void)bytes;
+	(void)n;
+	(void)m;
+	return wh_png_available(c);
+}
 
 wh_code wh_png_available(wh_ctx *c)
 {

@@ -24,6 +24,8 @@ wh_code wh_check_mesh(wh_ctx *c, const wh_mesh *m, wh_check *r)
 		return code;
 	wh_check_box_begin(r);
 	code = wh_checker_run(&k, &sums);
+	for (uint32_t v = 0; code == WH_OK && v < m->nv; v++)
+		wh_check_add_component(r, k.vertex_sets[v] == v ? k.set_faces[v] : 0);
 	wh_checker_free(&k);
 	if (code != WH_OK)
 		return code;

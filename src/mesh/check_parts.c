@@ -13,8 +13,9 @@
  * where an edge has three faces, a fan can have more than two ends and they all become one loop.
  * Boundary edges get small numbers through a bit per half-edge and a rank directory.
  *
- * Cost. Time: linear, but for the sort of each star. Memory: 12 bytes a face for the stars, 4 for
- * face components, and per vertex 8 for the directory of stars; later 4 a vertex for components.
+ * Cost. Time: linear, but for the sort of each star. Memory: 12 bytes a face for the stars, 12 for
+ * normals, 4 for face components, and per vertex 8 for the directory of stars; later 8 a vertex for
+ * components.
  */
 #include "mesh/check_parts.h"
 
@@ -23,6 +24,8 @@
 #include "mesh/sets.h"
 
 #include <math.h>
+
+#define COS_10 0.98480775301220806 /* of 10 degrees */
 
 static bool is_invalid(const wh_checker *k, const uint32_t *t)
 {
@@ -59,7 +62,16 @@ static bool is_finite(wh_vec3 p)
 
 /* ---- faces and vertices one by one -------------------------------------------------------- */
 
-static void count_face(const wh_checker *k, const uint32_t *t, wh_face_sums *sums)
+/* The direction of a normal; floats, so that it takes little room. */
+static void find_normal(const wh_checker *k, uint32_t f, const uint32_t *t)
+{
+	const wh_vec3 n = wh_tri_direction(k->pos[t[0]], k->pos[t[1]], k->pos[t[2]]);
+	k->normal[f][0] = (float)n.x;
+	k->normal[f][1] = (float)n.y;
+	k->normal[f][2] = (float)n.z;
+}
+
+static void count_face(const wh_checker *k, uint32_t f, const uint32_t *t, wh_face_sums *sums)
 {
 	const wh_vec3 a = k->pos[t[0]], b = k->pos[t[1]], c = k->pos[t[2]];
 	const wh_vec3 n = wh_cross(wh_sub(b, a), wh_sub(c, a));
@@ -72,6 +84,7 @@ static void count_face(const wh_checker *k, const uint32_t *t, wh_face_sums *sum
 		wh_exact_add(&sums->ratio, ratio);
 		sums->bins[(int)(ratio * WH_RATIO_BINS)]++;
 	}
+	find_normal(k, f, t);
 	for (int i = 0; i < 3; i++)
 		wh_bit_set(k->used, t[i]);
 }
@@ -79,7 +92,8 @@ static void count_face(const wh_checker *k, const uint32_t *t, wh_face_sums *sum
 static wh_code count_faces(wh_checker *k, wh_face_sums *sums)
 {
 	k->used = wh_calloc(k->c, (size_t)k->nv / 64 + 1, sizeof *k->used);
-	if (!k->used)
+	k->normal = wh_alloc(k->c, k->nf, sizeof *k->normal);
+	if (!k->used || !k->normal)
 		return k->c->err.code;
 	k->r->faces += k->nf;
 	for (uint32_t f = 0; f < k->nf; f++) {
@@ -89,7 +103,7 @@ static wh_code count_faces(wh_checker *k, wh_face_sums *sums)
 		else if (is_degenerate(t))
 			k->r->degenerate_faces++;
 		else
-			count_face(k, t, sums);
+			count_face(k, f, t, sums);
 	}
 	return WH_OK;
 }
@@ -119,6 +133,11 @@ void wh_face_sums_end(const wh_face_sums *sum, wh_check *r)
 	uint64_t faces = 0;
 	for (int i = 0; i <= WH_RATIO_BINS; i++)
 		faces += sum->bins[i];
+	for (int i = 0; i <= WH_RATIO_BINS; i++) {
+		const int part = i * WH_RADIUS_RATIOS / WH_RATIO_BINS;
+		r->radius_ratios[part < WH_RADIUS_RATIOS ? part : WH_RADIUS_RATIOS - 1] +=
+		    sum->bins[i];
+	}
 	r->area = wh_exact_value(&sum->area);
 	r->radius_ratio_mean = faces ? wh_exact_value(&sum->ratio) / (double)faces : 0;
 	r->radius_ratio_p5 = fifth_percentile(sum->bins, faces);
@@ -305,6 +324,17 @@ static void count_duplicate_faces(wh_checker *k, uint32_t v, const wh_spoke *s, 
 			k->r->duplicate_faces++;
 }
 
+/* Two faces that lie on each other: their normals are opposite, or, where they disagree about the
+ * side, the same. */
+static bool is_folded(const wh_checker *k, uint32_t v, const wh_spoke *s)
+{
+	const float *a = k->normal[k->star[k->first[v] + s[0].slot]];
+	const float *b = k->normal[k->star[k->first[v] + s[1].slot]];
+	const double dot =
+	    (double)a[0] * (double)b[0] + (double)a[1] * (double)b[1] + (double)a[2] * (double)b[2];
+	return (s[0].out == s[1].out ? -dot : dot) < -COS_10;
+}
+
 /* An edge with its n faces, seen from v, where it counts. */
 static void count_edge(wh_checker *k, uint32_t v, const wh_spoke *s, size_t n)
 {
@@ -319,6 +349,7 @@ static void count_edge(wh_checker *k, uint32_t v, const wh_spoke *s, size_t n)
 	}
 	r->nonmanifold_edges += n > 2;
 	r->misoriented_edges += n == 2 && s[0].out == s[1].out;
+	r->folded_edges += n == 2 && is_folded(k, v, s);
 	for (size_t i = 1; i < n; i++)
 		(void)wh_sets_join(k->face_sets, k->star[k->first[v] + s[0].slot],
 		                   k->star[k->first[v] + s[i].slot]);
@@ -457,13 +488,25 @@ static void count_vertex_components(wh_checker *k)
 {
 	for (uint32_t v = 0; v < k->nv; v++)
 		k->r->components += k->vertex_sets[v] == v && wh_bit_get(k->used, v);
+	for (uint32_t f = 0; f < k->nf; f++)
+		if (wh_checker_is_face(k, f))
+			k->set_faces[wh_sets_find(k->vertex_sets, k->tri[3 * (size_t)f])]++;
+}
+
+void wh_check_add_component(wh_check *r, uint64_t faces)
+{
+	if (faces == 0)
+		return;
+	r->component_sizes[63 - __builtin_clzll(faces)]++;
+	r->largest_component = faces > r->largest_component ? faces : r->largest_component;
 }
 
 static wh_code count_components(wh_checker *k)
 {
 	count_edge_components(k);
 	k->vertex_sets = wh_alloc(k->c, k->nv, sizeof *k->vertex_sets);
-	if (!k->vertex_sets)
+	k->set_faces = wh_calloc(k->c, k->nv, sizeof *k->set_faces);
+	if (!k->vertex_sets || !k->set_faces)
 		return k->c->err.code;
 	wh_sets_init(k->vertex_sets, k->nv);
 	for (uint32_t f = 0; f < k->nf; f++) {
@@ -510,7 +553,7 @@ void wh_check_derive(wh_check *r)
 bool wh_check_clean(const wh_check *r)
 {
 	return is_oriented_manifold(r) && r->degenerate_faces == 0 && r->invalid_faces == 0 &&
-	       r->duplicate_faces == 0;
+	       r->duplicate_faces == 0 && r->nonfinite_vertices == 0;
 }
 
 void wh_checker_free(wh_checker *k)
@@ -521,6 +564,9 @@ void wh_checker_free(wh_checker *k)
 	wh_free(k->c, k->ends_open);
 	wh_free(k->c, k->on_boundary);
 	wh_free(k->c, k->vertex_sets);
+	wh_free(k->c, k->set_faces);
+	if (!k->seam)
+		wh_free(k->c, k->normal);
 	wh_free(k->c, k->face_sets);
 	wh_free(k->c, k->used);
 }

@@ -40,6 +40,8 @@ typedef struct wh_checker {
 	const wh_vec3 *pos; /* nv; the seam needs none */
 	const uint32_t *tri;
 	const uint8_t *flag; /* nv: WH_CUT or not; NULL: a whole mesh */
+	float (*normal)[3];  /* nf, of length 1, or 0 where there is none; of the seam they are
+	                        given, and the caller's */
 	bool seam;           /* whole are the stars of cut vertices */
 	wh_check *r;         /* counts are added here */
 
@@ -48,6 +50,7 @@ typedef struct wh_checker {
 	uint32_t *star;        /* face ids */
 	uint32_t *face_sets;   /* faces joined through counted edges */
 	uint32_t *vertex_sets; /* vertices joined through faces */
+	uint32_t *set_faces;   /* faces of each root of them */
 
 	uint64_t *on_boundary;   /* bit per half-edge 3 f + k, from corner k of f to its next */
 	uint64_t *ends_open;     /* bit per vertex that has a boundary edge */
@@ -77,8 +80,9 @@ static inline bool wh_bit_get(const uint64_t *bits, uint64_t i)
 bool wh_checker_is_face(const wh_checker *k, uint32_t f);
 
 /* All of the stages below and those before them, for a mesh or a piece: counts everything but
- * what is derived, makes vertex_sets and frees the stars. The box, which the caller begins, grows
- * over all vertices that are used; areas and shapes are added to *sums. */
+ * what is derived and the sizes of components, makes vertex_sets and frees the stars. The box,
+ * which the caller begins, grows over all vertices that are used; areas and shapes are added to
+ * *sums. */
 wh_code wh_checker_run(wh_checker *k, wh_face_sums *sums);
 
 /* For the seam, whose face_sets are given, in this order. Lists the stars. */
@@ -96,6 +100,9 @@ void wh_checker_free(wh_checker *k);
 void wh_face_sums_join(wh_face_sums *sum, const wh_face_sums *part);
 /* Sets the area and the radius ratios of *r. */
 void wh_face_sums_end(const wh_face_sums *sum, wh_check *r);
+
+/* Counts a component of so many faces by its size. */
+void wh_check_add_component(wh_check *r, uint64_t faces);
 
 /* Euler characteristic and genus, when all else has been counted. */
 void wh_check_derive(wh_check *r);

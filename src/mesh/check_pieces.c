@@ -11,8 +11,8 @@
  * it is the seam's count that holds; of loops, what its joins leave. A half-edge with one cut end
  * was counted, and is in a loop, in its piece; the seam goes on from that end.
  *
- * Cost. Of 4 L faces along a cut of L vertices each takes 12 bytes, and 4 for its set; of 3 L
- * vertices each takes 13, and a cut one 8 in the table that finds it by its id.
+ * Cost. Of 4 L faces along a cut of L vertices each takes 12 bytes, 12 for its normal, and 4 for
+ * its set; of 3 L vertices each takes 21, and a cut one 8 in the table that finds it by its id.
  */
 #include "mesh/check_pieces.h"
 
@@ -35,10 +35,12 @@ typedef struct seam {
 	uint8_t *flag;        /* WH_CUT or 0 */
 	uint32_t *vertex_set; /* of a piece: the first vertex of the same component;
 	                         of all: a forest */
+	uint64_t *set_faces;  /* of components, at any of their vertices */
 	uint32_t *tri;
 	uint32_t *face_set; /* the same, of components joined by edges */
+	float (*normal)[3]; /* of the faces */
 	open_edge *open;
-	size_t cap_gid, cap_flag, cap_vertex, cap_tri, cap_face, cap_open;
+	size_t cap_gid, cap_flag, cap_vertex, cap_tri, cap_face, cap_open, cap_size, cap_normal;
 } seam;
 
 struct wh_check_work {
@@ -74,6 +76,8 @@ static wh_code seam_reserve(wh_ctx *c, seam *s, uint64_t nv, uint64_t nf, uint64
 	if (wh_reserve(c, &s->gid, &s->cap_gid, nv, sizeof *s->gid) != WH_OK ||
 	    wh_reserve(c, &s->flag, &s->cap_flag, nv, sizeof *s->flag) != WH_OK ||
 	    wh_reserve(c, &s->vertex_set, &s->cap_vertex, nv, sizeof *s->vertex_set) != WH_OK ||
+	    wh_reserve(c, &s->set_faces, &s->cap_size, nv, sizeof *s->set_faces) != WH_OK ||
+	    wh_reserve(c, &s->normal, &s->cap_normal, nf, sizeof *s->normal) != WH_OK ||
 	    wh_reserve(c, &s->tri, &s->cap_tri, 3 * nf, sizeof *s->tri) != WH_OK ||
 	    wh_reserve(c, &s->face_set, &s->cap_face, nf, sizeof *s->face_set) != WH_OK ||
 	    wh_reserve(c, &s->open, &s->cap_open, nopen, sizeof *s->open) != WH_OK)
@@ -86,6 +90,8 @@ static void seam_free(wh_ctx *c, seam *s)
 	wh_free(c, s->gid);
 	wh_free(c, s->flag);
 	wh_free(c, s->vertex_set);
+	wh_free(c, s->set_faces);
+	wh_free(c, s->normal);
 	wh_free(c, s->tri);
 	wh_free(c, s->face_set);
 	wh_free(c, s->open);
@@ -153,6 +159,22 @@ static wh_code mark_seam(wh_ctx *c, cutter *x)
 	return seam_reserve(c, x->s, nv, nf, 0);
 }
 
+/* Components that do not reach into the seam have their size; of the others it is handed over. */
+static void count_sizes(const cutter *x)
+{
+	seam *s = x->s;
+	for (uint32_t i = 0; i < s->nv; i++)
+		s->set_faces[i] = 0;
+	for (uint32_t v = 0; v < x->piece->nv; v++) {
+		if (x->k->vertex_sets[v] != v)
+			continue;
+		if (x->first[v] == WH_NONE)
+			wh_check_add_component(x->k->r, x->k->set_faces[v]);
+		else
+			s->set_faces[x->first[v]] = x->k->set_faces[v];
+	}
+}
+
 /* Lists the marked vertices, and tells in how many components they are. */
 static wh_code take_vertices(wh_ctx *c, cutter *x, uint64_t *components)
 {
@@ -171,6 +193,7 @@ static wh_code take_vertices(wh_ctx *c, cutter *x, uint64_t *components)
 		x->map[v] = s->nv++;
 	}
 	*components = wh_sets_count(s->vertex_set, s->nv);
+	count_sizes(x);
 	return WH_OK;
 }
 
@@ -187,6 +210,7 @@ static wh_code take_faces(wh_ctx *c, cutter *x, uint64_t *edge_components)
 		for (int i = 0; i < 3; i++)
 			s->tri[3 * (size_t)s->nf + (size_t)i] =
 			    x->map[p->tri[3 * (size_t)f + (size_t)i]];
+		memcpy(s->normal[s->nf], x->k->normal[f], sizeof *s->normal);
 		s->face_set[s->nf] = first_of(x, wh_sets_find(x->k->face_sets, f), s->nf);
 		s->nf++;
 	}
@@ -307,6 +331,11 @@ static void add_counts(wh_check *sum, const wh_check *one)
 	sum->boundary_edges += one->boundary_edges;
 	sum->nonmanifold_edges += one->nonmanifold_edges;
 	sum->misoriented_edges += one->misoriented_edges;
+	sum->folded_edges += one->folded_edges;
+	for (int k = 0; k < WH_COMPONENT_SIZES; k++)
+		sum->component_sizes[k] += one->component_sizes[k];
+	if (one->largest_component > sum->largest_component)
+		sum->largest_component = one->largest_component;
 	sum->nonmanifold_vertices += one->nonmanifold_vertices;
 	sum->components += one->components;
 	sum->edge_components += one->edge_components;
@@ -350,6 +379,7 @@ static uint32_t new_vertex(seam *all, uint64_t gid, uint8_t flag)
 	all->gid[v] = gid;
 	all->flag[v] = flag;
 	all->vertex_set[v] = v;
+	all->set_faces[v] = 0;
 	return v;
 }
 
@@ -368,6 +398,7 @@ static void add_vertices(wh_check_pieces *s, const seam *one)
 	for (uint32_t v = 0; v < one->nv; v++) {
 		s->map[v] = one->flag[v] ? cut_vertex(s, one->gid[v])
 		                         : new_vertex(&s->seam, one->gid[v], 0);
+		s->seam.set_faces[s->map[v]] += one->set_faces[v];
 		/* the first of a component comes before the others */
 		(void)wh_sets_join(s->seam.vertex_set, s->map[v], s->map[one->vertex_set[v]]);
 	}
@@ -381,6 +412,7 @@ static void add_faces(wh_check_pieces *s, const seam *one)
 		                                        one->open[i].like + all->nopen};
 	for (uint32_t f = 0; f < one->nf; f++)
 		all->face_set[all->nf + f] = one->face_set[f] + all->nf;
+	memcpy(all->normal + all->nf, one->normal, one->nf * sizeof *one->normal);
 	for (size_t i = 0; i < 3 * (size_t)one->nf; i++)
 		all->tri[3 * (size_t)all->nf + i] = s->map[one->tri[i]];
 	all->nf += one->nf;
@@ -439,6 +471,7 @@ static wh_code count_seam(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 	                .tri = all->tri,
 	                .flag = all->flag,
 	                .seam = true,
+	                .normal = all->normal,
 	                .face_sets = all->face_set,
 	                .r = r};
 	all->face_set = NULL;
@@ -460,6 +493,19 @@ static wh_code count_seam(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 	return code;
 }
 
+/* A root comes before the others of its set. */
+static void sum_sizes(seam *s, wh_check *r)
+{
+	for (uint32_t v = 0; v < s->nv; v++) {
+		const uint32_t root = wh_sets_find(s->vertex_set, v);
+		if (root != v)
+			s->set_faces[root] += s->set_faces[v];
+	}
+	for (uint32_t v = 0; v < s->nv; v++)
+		if (s->vertex_set[v] == v)
+			wh_check_add_component(r, s->set_faces[v]);
+}
+
 wh_code wh_check_pieces_end(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 {
 	wh_free(c, s->slot);
@@ -473,6 +519,7 @@ wh_code wh_check_pieces_end(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 		return c->err.code;
 	rest.referenced_vertices = s->cuts;
 	rest.components = wh_sets_count(s->seam.vertex_set, s->seam.nv);
+	sum_sizes(&s->seam, &rest);
 	*r = s->found;
 	add_counts(r, &rest);
 	r->components -= s->components;
@@ -488,8 +535,8 @@ size_t wh_check_piece_bytes(uint64_t nv, uint64_t nf)
 {
 	const uint64_t open = 3 * nf < 2 * nv ? 3 * nf : 2 * nv; /* boundary edges: no more */
 	const uint64_t most = nf > open ? nf : open;
-	const uint64_t tables = 4 * nf + nf + nv / 4 + 4 * open;
-	const uint64_t stars = 12 * nf + 8 * nv, seam_part = (16 * nf + 13 * nv) / 8;
-	const uint64_t taking = 8 * nv + 4 * (most > nv ? most : nv) + seam_part;
+	const uint64_t tables = 12 * nf + 4 * nf + nf + nv / 4 + 4 * open;
+	const uint64_t stars = 12 * nf + 8 * nv, seam_part = (28 * nf + 21 * nv) / 8;
+	const uint64_t taking = 12 * nv + 4 * (most > nv ? most : nv) + seam_part;
 	return (size_t)(tables + (stars > taking ? stars : taking)) + 65536;
 }

@@ -26,11 +26,11 @@ void wh_check_work_free(wh_ctx *c, wh_check_work *w);
 /* Looks at a piece. Depends on nothing but the piece. Thread-safe with one work for each. */
 wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece);
 
-/* Bytes that looking at a piece takes beside it: about 25 a face, with an eighth of its faces
+/* Bytes that looking at a piece takes beside it: about 40 a face, with an eighth of its faces
  * along cuts. More for loose faces, that have most of the boundary. */
 size_t wh_check_piece_bytes(uint64_t nv, uint64_t nf);
 
-/* The sum over all pieces, and the faces along the cuts: some 25 bytes for each of those. */
+/* The sum over all pieces, and the faces along the cuts: some 40 bytes for each of those. */
 typedef struct wh_check_pieces wh_check_pieces;
 
 wh_check_pieces *wh_check_pieces_new(wh_ctx *c);

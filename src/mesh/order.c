@@ -50,8 +50,9 @@ static void least_first(uint32_t *t)
 	}
 }
 
-/* Faces by their first vertex (counting sort; start: nv + 1 entries of scratch). */
-static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
+/* Faces by their first vertex (counting sort; start: nv + 1 entries of scratch), with what they
+ * carry. */
+static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri, uint8_t *face)
 {
 	memset(start, 0, ((size_t)p->nv + 1) * sizeof *start);
 	for (uint32_t f = 0; f < p->nf; f++)
@@ -60,7 +61,10 @@ static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri)
 		start[v + 1] += start[v];
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
-		memcpy(&tri[3 * (size_t)start[t[0]]++], t, 3 * sizeof *t);
+		const size_t to = start[t[0]]++;
+		memcpy(&tri[3 * to], t, 3 * sizeof *t);
+		if (p->face_bytes)
+			memcpy(face + to * p->face_bytes, wh_patch_face(p, f), p->face_bytes);
 	}
 }
 
@@ -101,9 +105,9 @@ static void permute(wh_patch *p, const place *at, uint32_t *map, void *room)
 		map[at[i].v] = i;
 }
 
-/* Faces with their vertices' new numbers, in the order of those. map (nv + 1) and tri are scratch
- * afterwards. */
-static wh_code renumber(wh_ctx *c, wh_patch *p, uint32_t *map, uint32_t *tri)
+/* Faces with their vertices' new numbers, in the order of those. map (nv + 1), tri and face are
+ * scratch afterwards. */
+static wh_code renumber(wh_ctx *c, wh_patch *p, uint32_t *map, uint32_t *tri, uint8_t *face)
 {
 	for (uint32_t f = 0; f < p->nf; f++) {
 		uint32_t *t = &p->tri[3 * (size_t)f];
@@ -111,17 +115,20 @@ static wh_code renumber(wh_ctx *c, wh_patch *p, uint32_t *map, uint32_t *tri)
 			return c->err.code;
 		for (int k = 0; k < 3; k++)
 			t[k] = map[t[k]];
-		least_first(t);
+		if (!p->face_bytes) /* its records would have to turn, too */
+			least_first(t);
 	}
-	order_faces(p, map, tri);
+	order_faces(p, map, tri, face);
 	memcpy(p->tri, tri, 3 * sizeof *tri * p->nf);
+	if (p->face_bytes && p->nf)
+		memcpy(p->face, face, (size_t)p->nf * p->face_bytes);
 	return WH_OK;
 }
 
-size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf)
+size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes)
 {
 	return (size_t)nv * (2 * sizeof(place) + sizeof(uint32_t) + sizeof(wh_vec3)) +
-	       (size_t)nf * 3 * sizeof(uint32_t);
+	       (size_t)nf * (3 * sizeof(uint32_t) + face_bytes);
 }
 
 static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_work *w)
@@ -129,7 +136,8 @@ static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_work *w)
 	if (wh_renew(c, &w->at, &w->at_cap, 2 * (size_t)p->nv, sizeof(place)) != WH_OK ||
 	    wh_renew(c, &w->map, &w->map_cap, (size_t)p->nv + 1, sizeof *w->map) != WH_OK ||
 	    wh_renew(c, &w->room, &w->room_cap, p->nv, sizeof *w->room) != WH_OK ||
-	    wh_renew(c, &w->tri, &w->tri_cap, 3 * (size_t)p->nf, sizeof *w->tri) != WH_OK)
+	    wh_renew(c, &w->tri, &w->tri_cap, 3 * (size_t)p->nf, sizeof *w->tri) != WH_OK ||
+	    wh_renew(c, &w->face, &w->face_cap, (size_t)p->nf * p->face_bytes, 1) != WH_OK)
 		return c->err.code;
 	return WH_OK;
 }
@@ -140,6 +148,7 @@ void wh_order_work_free(wh_ctx *c, wh_order_work *w)
 	wh_free(c, w->map);
 	wh_free(c, w->room);
 	wh_free(c, w->tri);
+	wh_free(c, w->face);
 	*w = (wh_order_work){0};
 }
 
@@ -154,5 +163,5 @@ wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w)
 	if (sort_places(c, at, at + p->nv, p->nv) != WH_OK)
 		return c->err.code;
 	permute(p, at, w->map, w->room);
-	return renumber(c, p, w->map, w->tri);
+	return renumber(c, p, w->map, w->tri, w->face);
 }

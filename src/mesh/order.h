@@ -21,14 +21,16 @@ typedef struct wh_order_work {
 	uint32_t *map;
 	wh_vec3 *room;
 	uint32_t *tri;
-	size_t at_cap, map_cap, room_cap, tri_cap;
+	uint8_t *face;
+	size_t at_cap, map_cap, room_cap, tri_cap, face_cap;
 } wh_order_work;
 
-/* Reorders p in place; faces are turned so that their least vertex comes first. */
+/* Reorders p in place; faces that carry nothing are turned so that their least vertex comes first.
+ */
 wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w);
 void wh_order_work_free(wh_ctx *c, wh_order_work *w);
 
 /* Bytes that takes besides the patch. */
-size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf);
+size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes);
 
 #endif

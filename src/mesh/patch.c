@@ -15,6 +15,9 @@ wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf)
 	if (p->attr_bytes &&
 	    wh_renew(c, &p->attr, &p->cap_attr, (size_t)nv * p->attr_bytes, 1) != WH_OK)
 		return c->err.code;
+	if (p->face_bytes &&
+	    wh_renew(c, &p->face, &p->cap_face, (size_t)nf * p->face_bytes, 1) != WH_OK)
+		return c->err.code;
 	p->cap_v = (uint32_t)pos;
 	p->cap_f = (uint32_t)tri;
 	p->nv = nv;
@@ -30,6 +33,7 @@ void wh_patch_free(wh_ctx *c, wh_patch *p)
 	wh_free(c, p->flag);
 	wh_free(c, p->err);
 	wh_free(c, p->attr);
+	wh_free(c, p->face);
 	*p = (wh_patch){0};
 }
 

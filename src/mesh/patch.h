@@ -16,6 +16,8 @@ enum {
 	WH_BORDER = 4, /* on a true boundary edge of the surface */
 	WH_HUB = 8,    /* locked while it has very many faces */
 	WH_NEVER = 16, /* a cut vertex that was one in every round so far: it never was free */
+	WH_EDGED = 32, /* while faces carry something: on an edge where that is not the same on both
+	                  sides, or on the boundary (algo/wedge.c) */
 	WH_LOCKED = WH_CUT | WH_FIXED | WH_HUB
 };
 
@@ -30,6 +32,10 @@ typedef struct wh_patch {
 	uint8_t *attr;         /* nv records of attr_bytes each: what else a vertex carries */
 	uint32_t attr_bytes;   /* 0: nothing; to be set before room is made */
 	size_t cap_attr;       /* bytes */
+	uint8_t *face;         /* nf records of face_bytes each: what a face and its corners carry
+	                          (io/wedges.h) */
+	uint32_t face_bytes;   /* 0: nothing; to be set before room is made */
+	size_t cap_face;       /* bytes */
 } wh_patch;
 
 static inline uint8_t *wh_patch_attr(const wh_patch *p, uint32_t v)
@@ -37,14 +43,20 @@ static inline uint8_t *wh_patch_attr(const wh_patch *p, uint32_t v)
 	return p->attr + (size_t)v * p->attr_bytes;
 }
 
+static inline uint8_t *wh_patch_face(const wh_patch *p, uint32_t f)
+{
+	return p->face + (size_t)f * p->face_bytes;
+}
+
 /* Makes room for nv vertices and nf faces (contents lost) and sets the counts. An empty patch
  * ({0}) may grow. On failure the patch is fit for nothing but another reset, or to be freed. */
 wh_code wh_patch_reset(wh_ctx *c, wh_patch *p, uint32_t nv, uint32_t nf);
 
 /* Bytes of a patch of these counts. */
-static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
+static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes,
+                                    uint32_t face_bytes)
 {
-	return (size_t)nv * (37 + (size_t)attr_bytes) + (size_t)nf * 12;
+	return (size_t)nv * (37 + (size_t)attr_bytes) + (size_t)nf * (12 + (size_t)face_bytes);
 }
 
 void wh_patch_free(wh_ctx *c, wh_patch *p);

@@ -192,6 +192,9 @@ static uint32_t rename_corners(separate *s)
 			name[k] = s->corner[s->first[p->tri[3 * (size_t)f + k]]++];
 		if (name[0] == WH_NONE || name[1] == WH_NONE || name[2] == WH_NONE)
 			continue;
+		if (p->face_bytes)
+			memmove(wh_patch_face(p, (uint32_t)((size_t)(to - p->tri) / 3)),
+			        wh_patch_face(p, f), p->face_bytes);
 		memcpy(to, name, sizeof name);
 		to += 3;
 	}

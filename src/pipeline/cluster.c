@@ -27,6 +27,8 @@ struct wh_cluster_work {
 	uint32_t *tri;  /* faces grouped by micro-cluster */
 	uint32_t *cell; /* per face */
 	size_t cap_f;
+	uint8_t *face; /* what the faces carry, grouped like them */
+	size_t cap_face;
 	uint32_t *start; /* first face of each micro-cluster, and the end */
 	size_t cap_cells;
 };
@@ -52,16 +54,18 @@ void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w)
 	wh_free(c, w->seat);
 	wh_free(c, w->tri);
 	wh_free(c, w->cell);
+	wh_free(c, w->face);
 	wh_free(c, w->start);
 	wh_free(c, w);
 }
 
-size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
+size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes)
 {
-	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes);
+	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes, face_bytes);
 	/* seats, faces; attributes of a micro-cluster, in the worst case all of them */
-	const size_t cut_bytes = (size_t)nv * (8 + (size_t)attr_bytes) + (size_t)nf * 16;
-	return patch_bytes + cut_bytes + wh_simplify_bytes(nv, nf) + ((size_t)1 << 20);
+	const size_t cut_bytes =
+	    (size_t)nv * (8 + (size_t)attr_bytes) + (size_t)nf * (16 + 2 * (size_t)face_bytes);
+	return patch_bytes + cut_bytes + wh_simplify_bytes(nv, nf, face_bytes) + ((size_t)1 << 20);
 }
 
 static wh_code fit(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
@@ -69,7 +73,9 @@ static wh_code fit(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t ce
 	size_t cap_tri = w->cap_f;
 	if (wh_reserve(c, &w->seat, &w->cap_v, p->nv, sizeof *w->seat) != WH_OK ||
 	    wh_reserve(c, &w->tri, &cap_tri, p->nf, 3 * sizeof *w->tri) != WH_OK ||
-	    wh_reserve(c, &w->cell, &w->cap_f, p->nf, sizeof *w->cell) != WH_OK)
+	    wh_reserve(c, &w->cell, &w->cap_f, p->nf, sizeof *w->cell) != WH_OK ||
+	    (p->face_bytes &&
+	     wh_reserve(c, &w->face, &w->cap_face, (size_t)p->nf * p->face_bytes, 1) != WH_OK))
 		return c->err.code;
 	return wh_reserve(c, &w->start, &w->cap_cells, (size_t)cells + 2, sizeof *w->start);
 }
@@ -121,9 +127,12 @@ static void group_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
 {
 	for (uint32_t k = 0; k < cells; k++)
 		w->start[k + 2] += w->start[k + 1];
-	for (uint32_t f = 0; f < p->nf; f++) /* start[k+1] runs from k's begin to its end */
-		memcpy(&w->tri[3 * (size_t)w->start[w->cell[f] + 1]++], &p->tri[3 * (size_t)f],
-		       3 * sizeof *w->tri);
+	for (uint32_t f = 0; f < p->nf; f++) { /* start[k+1] runs from k's begin to its end */
+		const size_t to = w->start[w->cell[f] + 1]++;
+		memcpy(&w->tri[3 * to], &p->tri[3 * (size_t)f], 3 * sizeof *w->tri);
+		if (p->face_bytes)
+			memcpy(w->face + to * p->face_bytes, wh_patch_face(p, f), p->face_bytes);
+	}
 }
 
 /* Groups the faces of p by micro-cluster into w->tri and finds who uses each vertex. */
@@ -152,6 +161,7 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 	const uint32_t nf = w->start[k + 1] - w->start[k];
 	wh_patch *m = &w->micro;
 	m->attr_bytes = p->attr_bytes;
+	m->face_bytes = p->face_bytes;
 	/* a vertex a face in the worst case; a little more than half in practice */
 	if (wh_patch_reset(c, m, 3 * nf < p->nv ? 3 * nf : p->nv, nf) != WH_OK)
 		return c->err.code;
@@ -174,6 +184,9 @@ static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32
 		m->tri[i] = s->local;
 	}
 	m->nv = nv;
+	if (p->face_bytes && nf)
+		memcpy(m->face, w->face + (size_t)w->start[k] * p->face_bytes,
+		       (size_t)nf * p->face_bytes);
 	for (uint32_t i = 0; i < nv; i++)
 		w->seat[m->gid[i]].local = WH_NONE;
 	return WH_OK;
@@ -192,6 +205,8 @@ static void put_back(const wh_patch *m, wh_patch *p, uint32_t *nf)
 	uint32_t *to = &p->tri[3 * (size_t)*nf];
 	for (size_t i = 0; i < 3 * (size_t)m->nf; i++)
 		to[i] = (uint32_t)m->gid[m->tri[i]];
+	if (p->face_bytes && m->nf)
+		memcpy(wh_patch_face(p, *nf), m->face, (size_t)m->nf * p->face_bytes);
 	*nf += m->nf;
 }
 

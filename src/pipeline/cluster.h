@@ -22,7 +22,7 @@ wh_cluster_work *wh_cluster_work_new(wh_ctx *c);
 void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w);
 
 /* Bytes that reducing (or surveying) a cluster of these measures takes, the patch included. */
-size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes);
+size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes);
 
 /* Reduces p in place. The result is that of the last pass, with the extremes of all. */
 wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,

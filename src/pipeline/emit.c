@@ -112,7 +112,7 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	emit *e = arg;
 	const wh_patch *p = &e->hands[worker].patch;
 	wh_progress_add(e->progress, p->nf);
-	return wh_mesh_triangles(c, &e->out, p->tri, p->nf);
+	return wh_mesh_triangles(c, &e->out, p->tri, p->face_bytes ? p->face : NULL, p->nf);
 }
 
 /* ---- formats that need something else ----------------------------------------------------- */
@@ -159,8 +159,9 @@ static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 
 size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf, store->attr_bytes) +
-	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf);
+	return wh_store_scratch_bytes(store, nv, nf) +
+	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
+	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf, store->face_bytes);
 }
 
 /* Room for the largest cluster. */
@@ -172,6 +173,7 @@ static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
 	for (int i = 0; i < workers; i++) {
 		emit_hand *h = &e->hands[i];
 		h->patch.attr_bytes = e->store->attr_bytes;
+		h->patch.face_bytes = e->store->face_bytes;
 		if (wh_store_scratch_fit(c, e->store, &h->scratch, nv, nf) != WH_OK ||
 		    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 			return c->err.code;
@@ -226,6 +228,7 @@ wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_st
 	}
 	wh_free(c, e.hands);
 	wh_free(c, e.first);
+	wh_mesh_free_out(c, &e.out);
 	wh_idmap_free(c, &e.cut);
 	return c->err.code;
 }

@@ -3,12 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, size_t state)
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes,
+                       size_t state)
 {
-	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes);
-	const size_t engine = wh_simplify_bytes(nv, nf) + (size_t)nv * state;
+	const size_t patch_bytes = wh_patch_bytes(nv, nf, attr_bytes, face_bytes);
+	const size_t engine = wh_simplify_bytes(nv, nf, face_bytes) + (size_t)nv * state;
 	/* while clusters are put together, one of them is there as a file and as a patch, too */
-	const size_t loading = 2 * wh_patch_bytes(nv, nf, attr_bytes);
+	const size_t loading = 2 * patch_bytes;
 	return patch_bytes + (loading > engine ? loading : engine) + ((size_t)2 << 20);
 }
 
@@ -52,6 +53,8 @@ static wh_code append(wh_ctx *c, wh_patch *p, const wh_patch *one, copies *cut)
 	uint32_t *to = &p->tri[3 * (size_t)p->nf];
 	for (size_t i = 0; i < 3 * (size_t)one->nf; i++)
 		to[i] = one->tri[i] + p->nv;
+	if (p->face_bytes && one->nf)
+		memcpy(wh_patch_face(p, p->nf), one->face, (size_t)one->nf * p->face_bytes);
 	p->nv += one->nv;
 	p->nf += one->nf;
 	return WH_OK;
@@ -98,6 +101,7 @@ static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
 		    "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
 		    (unsigned long long)nf);
 	p->attr_bytes = store->attr_bytes;
+	p->face_bytes = store->face_bytes;
 	if (wh_patch_reset(c, p, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
 	p->nv = p->nf = 0;
@@ -150,7 +154,7 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 		return c->err.code;
 	wh_progress_phase(progress, "write", (uint64_t)p->nv + p->nf);
 	wh_mesh_box box = {0};
-	wh_mesh_out m;
+	wh_mesh_out m = {0};
 	if (wh_mesh_wants_box(style))
 		find_box(p, 1 / scale, &box);
 	wh_code code = wh_mesh_begin(c, &m, out, style, p->nv, p->nf, &box);
@@ -170,13 +174,15 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 		const uint32_t n = p->nf - f < WRITE_CHUNK ? p->nf - f : WRITE_CHUNK;
 		const uint32_t *tri = &p->tri[3 * (size_t)f];
 		code = facets ? wh_mesh_facets(c, &m, &p->pos->x, 1 / scale, tri, n)
-		              : wh_mesh_triangles(c, &m, tri, n);
+		              : wh_mesh_triangles(c, &m, tri,
+		                                  p->face_bytes ? wh_patch_face(p, f) : NULL, n);
 		wh_progress_add(progress, n);
 		if (code == WH_OK)
 			code = wh_poll(c);
 	}
 	if (code == WH_OK)
 		code = wh_mesh_end(c, &m);
+	wh_mesh_free_out(c, &m);
 	wh_free(c, xyz);
 	return code;
 }

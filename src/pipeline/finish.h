@@ -12,7 +12,8 @@
 
 /* Bytes that the final pass takes on a mesh of these measures, with `state` bytes for each vertex
  * that the engine's policy keeps. */
-size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, size_t state);
+size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes,
+                       size_t state);
 
 /* Loads every cluster into one patch and makes each cut vertex one again: no vertex is cut. */
 wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,

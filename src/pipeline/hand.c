@@ -6,6 +6,7 @@ static wh_code hand_make(wh_ctx *c, wh_hand *h, const wh_store *s, uint64_t nv, 
 	if (!h->work || wh_store_scratch_fit(c, s, &h->scratch, nv, nf) != WH_OK)
 		return c->err.code;
 	h->patch.attr_bytes = s->attr_bytes;
+	h->patch.face_bytes = s->face_bytes;
 	return wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf);
 }
 

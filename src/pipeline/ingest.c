@@ -21,6 +21,7 @@
 #include "base/sort.h"
 #include "geom/kdtree.h"
 #include "io/attributes.h"
+#include "io/wedges.h"
 #include "pipeline/homes.h"
 #include "pipeline/visits.h"
 
@@ -304,6 +305,20 @@ static void place_faces(bench *b, size_t n)
 	}
 }
 
+/* What faces carry lies behind their corners, and in a rewritten body none is degenerate. */
+static void put_faces(const ingest *g, bench *b)
+{
+	const wh_source *s = g->src;
+	const size_t size = g->store->face_bytes;
+	const uint8_t *carried = (const uint8_t *)b->raw + s->fstride - size;
+	for (size_t i = 0; i < b->out.n; i++, carried += s->fstride) {
+		uint8_t *end =
+		    wh_store_put_face(g->store, wh_parcel_put(&b->out, i), &b->ids[3 * i]);
+		if (size)
+			memcpy(end, carried, size);
+	}
+}
+
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
@@ -319,8 +334,7 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		return c->err.code;
 	place_faces(b, n);
 	wh_parcel_lay_out(&b->out);
-	for (size_t i = 0; i < b->out.n; i++)
-		(void)wh_store_put_face(g->store, wh_parcel_put(&b->out, i), &b->ids[3 * i]);
+	put_faces(g, b);
 	b->aways = wh_sort_unique(b->away, b->aways);
 	return WH_OK;
 }
@@ -533,6 +547,7 @@ void wh_ingest_describe(const wh_source *src, uint32_t clusters, wh_store *store
 	store->coord_bytes = src->is_double ? 8 : 4;
 	store->vertex_payload = 0;
 	store->attr_bytes = record_bytes(src);
+	store->face_bytes = src->wedges ? src->wedges->bytes : 0;
 	store->local_corners = false;
 }
 

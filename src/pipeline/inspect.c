@@ -3,6 +3,7 @@
 #include "exec/topo.h"
 #include "mesh/check_pieces.h"
 #include "mesh/coincident.h"
+#include "pipeline/clean.h"
 #include "pipeline/duplicates.h"
 #include "pipeline/ingest.h"
 #include "pipeline/normalise.h"
@@ -15,8 +16,8 @@ enum {
 	OPEN_BYTES = 32 * 1024 * 1024, /* enough to look at the input and to refuse it in words */
 	REWRITE_BYTES = 20 * 1024 * 1024, /* a worker that rewrites text or polygons */
 	LOADER_BYTES = 6 * 1024 * 1024,   /* a worker that loads */
-	CUT_BYTES = 250,                  /* for a cut vertex, its faces and their other corners */
-	FACE_BYTES = 110,                 /* of a cluster, generously */
+	CUT_BYTES = 330,                  /* for a cut vertex, its faces and their other corners */
+	FACE_BYTES = 125,                 /* of a cluster, generously */
 	FACES_LEAST = 32 * 1024,
 	FACES_MOST = 1024 * 1024 /* larger ones have shorter cuts but fit no cache */
 };
@@ -30,6 +31,7 @@ typedef struct inspection {
 	wh_spill spill;
 	wh_input input;
 	bool input_open;
+	wh_clean_result cleaned;
 	wh_check *r;
 } inspection;
 
@@ -75,6 +77,7 @@ static wh_code eyes_make(wh_ctx *c, store_run *s, int workers, uint64_t max_v, u
 		eye *e = &s->eyes[i];
 		e->work = wh_check_work_new(c);
 		e->patch.attr_bytes = s->store->attr_bytes;
+		e->patch.face_bytes = s->store->face_bytes;
 		if (!e->work ||
 		    wh_store_scratch_fit(c, s->store, &e->scratch, max_v, max_f) != WH_OK ||
 		    wh_patch_reset(c, &e->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
@@ -116,7 +119,8 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 
 size_t wh_inspect_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_patch_bytes(nv, nf, store->attr_bytes) +
+	return wh_store_scratch_bytes(store, nv, nf) +
+	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
 	       wh_check_piece_bytes(nv, nf);
 }
 
@@ -260,6 +264,41 @@ static wh_code check_in_clusters(inspection *n, uint64_t *degenerate)
 
 /* ---- the whole ---------------------------------------------------------------------------- */
 
+/* Vertices that are not finite go with their faces, and near ones where that is asked for. */
+static wh_code clean_input(inspection *n)
+{
+	const wh_clean_params p = {.drop_invalid = true,
+	                           .weld = n->params->weld,
+	                           .distance = n->params->weld_distance,
+	                           .distance_share = n->params->weld_share};
+	const size_t need = wh_clean_bytes(&n->input.source, &p, 1);
+	wh_source cleaned;
+	int fd;
+	if (need > budget(n))
+		return refuse_early(n, need);
+	const wh_code code = wh_clean(n->c, n->exec, &n->progress, &n->spill, &n->input.source, &p,
+	                              budget(n), &cleaned, &fd, &n->cleaned);
+	if (code == WH_OK && fd >= 0)
+		wh_input_replace(&n->spill, &n->input, &cleaned, fd);
+	wh_mem_trim(n->c);
+	return code;
+}
+
+/* Puts what was taken out into the counts. */
+static void add_cleaned(inspection *n, uint64_t degenerate)
+{
+	wh_check *r = n->r;
+	const wh_clean_result *k = &n->cleaned;
+	r->vertices += k->invalid_vertices + k->welded_vertices;
+	r->nonfinite_vertices = k->invalid_vertices;
+	r->nonfinite_faces = k->invalid_faces + n->input.invalid_polygons;
+	r->welded_vertices = k->welded_vertices;
+	r->collapsed_faces = k->collapsed_faces;
+	r->degenerate_faces += degenerate + n->input.degenerate + k->degenerate_faces;
+	r->faces += degenerate + n->input.degenerate + k->degenerate_faces + r->nonfinite_faces +
+	            k->collapsed_faces;
+}
+
 static wh_code open_input(inspection *n, bool rewrite)
 {
 	if (n->input_open)
@@ -267,8 +306,12 @@ static wh_code open_input(inspection *n, bool rewrite)
 	n->input_open = false;
 	wh_progress_phase(&n->progress, "open", 1);
 	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
-	if (wh_input_open(n->c, &ex, &n->spill, n->params->path, n->params->from, rewrite,
-	                  &n->input) != WH_OK)
+	const wh_input_how how = {.from = n->params->from,
+	                          .rewrite = rewrite,
+	                          .attributes = {"none", 0},
+	                          .rply = n->params->rply,
+	                          .keep_invalid = true};
+	if (wh_input_open_how(n->c, &ex, &n->spill, n->params->path, &how, &n->input) != WH_OK)
 		return n->c->err.code;
 	n->input_open = true;
 	return WH_OK;
@@ -279,6 +322,8 @@ static wh_code check_once(inspection *n, bool rewrite)
 	uint64_t degenerate = 0;
 	wh_code code = open_input(n, rewrite);
 	if (code == WH_OK)
+		code = clean_input(n);
+	if (code == WH_OK && n->input.source.nf > 0)
 		code = fits_memory(n) ? check_in_memory(n, &degenerate)
 		                      : check_in_clusters(n, &degenerate);
 	if (code != WH_OK)
@@ -286,10 +331,9 @@ static wh_code check_once(inspection *n, bool rewrite)
 	if (n->r->faces == 0)
 		return wh_fail(n->c, WH_E_INPUT,
 		               "'%s' has nothing to check: none of its faces has three different "
-		               "corners",
+		               "corners that are finite",
 		               n->params->path);
-	n->r->degenerate_faces += degenerate + n->input.degenerate;
-	n->r->faces += degenerate + n->input.degenerate;
+	add_cleaned(n, degenerate);
 	return WH_OK;
 }
 

@@ -16,9 +16,12 @@
 
 typedef struct wh_inspect_params {
 	const char *path;
-	wh_format from;          /* of the file; WH_FORMAT_ANY: what it looks like */
-	const char *temp_dir;    /* NULL: $SLURM_TMPDIR, $TMPDIR, /tmp */
-	size_t memory;           /* ceiling of the process, bytes; 0: half of what there is */
+	wh_format from;       /* of the file; WH_FORMAT_ANY: what it looks like */
+	const char *temp_dir; /* NULL: $SLURM_TMPDIR, $TMPDIR, /tmp */
+	size_t memory;        /* ceiling of the process, bytes; 0: half of what there is */
+	bool rply;            /* rply reads the file (pipeline/normalise.h) */
+	bool weld;            /* first weld near vertices, as pipeline/clean.h says */
+	double weld_distance, weld_share;
 	uint64_t cluster_faces;  /* cut into clusters of about so many faces whether it is needed or
 	                            not; 0: as the memory says */
 	wh_progress_fn progress; /* may be NULL */
@@ -26,10 +29,11 @@ typedef struct wh_inspect_params {
 } wh_inspect_params;
 
 /*
- * Checks a file. Degenerate faces count among the faces. WH_E_INPUT for a damaged file, also an
- * index out of range or a coordinate that is not finite, and for one without any faces; WH_E_PLAN
- * when the ceiling is too low, with a size that would do. c->mem->limit is set for the time of
- * the call. *is_double (may be NULL): positions are doubles.
+ * Checks a file. Degenerate faces and those with a corner that is not finite count among the faces,
+ * but have no part in anything else; so do those that welding takes, and its vertices.
+ * WH_E_INPUT for a damaged file, also an index out of range, and for one without any faces;
+ * WH_E_PLAN when the ceiling is too low, with a size that would do. c->mem->limit is set for the
+ * time of the call. *is_double (may be NULL): positions are doubles.
  */
 wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p, wh_check *r,
                         bool *is_double);
@@ -37,7 +41,7 @@ wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p
 /*
  * Checks the mesh of a store of clusters, which stays. *r is as from wh_check_pieces_end:
  * positions are those of the store, and vertices without faces are not known. Memory:
- * wh_inspect_bytes of the largest cluster for each worker, and 250 bytes for each cut vertex.
+ * wh_inspect_bytes of the largest cluster for each worker, and 330 bytes for each cut vertex.
  */
 wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
                          wh_check *r);

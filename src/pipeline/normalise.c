@@ -2,6 +2,7 @@
 #include "pipeline/normalise.h"
 
 #include "io/off.h"
+#include "io/rply_read.h"
 #include "io/unpack.h"
 #include "pipeline/rewrite.h"
 
@@ -102,6 +103,8 @@ static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w, const wh_input *in)
 		while (code == WH_E_IRREGULAR && try_again(w));
 		return code;
 	default:
+		if (in->rply)
+			return wh_rewrite_rply(c, w);
 		return in->ply.format == WH_PLY_ASCII ? rewrite_text(c, w)
 		                                      : wh_rewrite_binary(c, w);
 	}
@@ -112,7 +115,8 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
 {
 	wh_rewrite w;
 	const wh_attributes *carried = in->attributes.n ? &in->attributes : NULL;
-	if (wh_rewrite_open(c, &w, ex, spill, &in->ply, carried) != WH_OK)
+	if (wh_rewrite_open(c, &w, ex, spill, &in->ply, carried,
+	                    in->wedges.bytes ? &in->wedges : NULL) != WH_OK)
 		return c->err.code;
 	wh_code code = rewrite_body(c, &w, in);
 	if (code == WH_OK && needs_faces && w.source.nf == 0)
@@ -122,6 +126,7 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
 		in->temp_fd = w.fd;
 		in->polygons = w.polygons;
 		in->degenerate = w.degenerate;
+		in->invalid_polygons = w.invalid;
 	}
 	wh_rewrite_close(c, &w, code == WH_OK);
 	return code;
@@ -131,9 +136,11 @@ static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool f
                            wh_input *in)
 {
 	wh_code code = WH_E_IRREGULAR;
-	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, &in->source))
+	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && !in->wedges.bytes &&
+	    wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
 	in->source.attributes = in->attributes.n ? &in->attributes : NULL;
+	in->source.wedges = in->wedges.bytes ? &in->wedges : NULL;
 	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in, true) : code;
 }
 
@@ -241,20 +248,61 @@ wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 	                          in);
 }
 
-wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
+static wh_code choose(wh_ctx *c, wh_wanted wanted, wh_input *in)
 {
-	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
+	const wh_wanted vertices = {wanted.names, wanted.holds & WH_HOLDS_ALL};
+	const bool faces = wanted.holds & WH_HOLDS_FACES;
+	if (wh_attributes_choose(c, &in->ply, vertices, &in->attributes) != WH_OK ||
+	    wh_wedges_choose(c, &in->ply, faces ? wanted.names : "none", &in->wedges) != WH_OK)
+		return c->err.code;
+	if (in->ply.kind == WH_FORMAT_PLY)
+		in->wedges.textures = &in->ply.textures;
+	if (in->ply.kind == WH_FORMAT_OBJ) {
+		in->wedges.materials = &in->obj.materials;
+		in->wedges.groups = &in->obj.groups;
+		in->wedges.libraries = &in->obj.libraries;
+	}
+	return WH_OK;
+}
+
+static wh_code check_rply(wh_ctx *c, const wh_ply *p)
+{
+	if (wh_rply_available(c) != WH_OK)
+		return c->err.code;
+	if (p->kind != WH_FORMAT_PLY)
+		return wh_fail(
+		    c, WH_E_USAGE,
+		    "'%s' is no PLY file, and rply reads nothing else: leave out --reader",
+		    p->path);
+	return WH_OK;
+}
+
+wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          const wh_input_how *how, wh_input *in)
+{
+	wh_code code = wh_input_describe(c, ex, spill, path, how->from, in);
 	if (code != WH_OK)
 		return code;
-	code = check_content(c, &in->ply);
+	in->ply.keep_invalid = how->keep_invalid;
+	in->rply = how->rply;
+	if (how->rply)
+		code = check_rply(c, &in->ply);
 	if (code == WH_OK)
-		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
+		code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = make_source(c, ex, spill, force_rewrite, in);
+		code = choose(c, how->attributes, in);
+	if (code == WH_OK)
+		code = make_source(c, ex, spill, how->rewrite || how->rply, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
+}
+
+wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
+{
+	const wh_input_how how = {.from = from, .rewrite = force_rewrite, .attributes = attributes};
+	return wh_input_open_how(c, ex, spill, path, &how, in);
 }
 
 /* Vertices of a fixed size, behind others of fixed sizes, are used as they are. */
@@ -291,7 +339,7 @@ static wh_code open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_inp
 }
 
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                          wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
+                          wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
@@ -302,7 +350,7 @@ wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	else if (count_of(&in->ply, in->ply.vertex) == 0)
 		code = wh_fail(c, WH_E_INPUT, "'%s' has no vertices with x, y and z", in->ply.path);
 	if (code == WH_OK)
-		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
+		code = choose(c, wanted, in);
 	if (code == WH_OK)
 		code = faces ? make_source(c, ex, spill, force_rewrite, in)
 		             : open_points(c, ex, spill, in);
@@ -333,26 +381,29 @@ static void expect_rewrite(const wh_ply *p, wh_source *s)
 static wh_code look(wh_ctx *c, wh_input *in)
 {
 	wh_source *s = &in->source;
-	const wh_code code = in->ply.kind != WH_FORMAT_STL && wh_ply_direct(&in->ply, s)
-	                         ? probe(c, s)
-	                         : WH_E_IRREGULAR;
+	const wh_code code =
+	    in->ply.kind != WH_FORMAT_STL && !in->wedges.bytes && wh_ply_direct(&in->ply, s)
+	        ? probe(c, s)
+	        : WH_E_IRREGULAR;
 	if (code == WH_E_IRREGULAR) {
 		*s = (wh_source){0};
 		expect_rewrite(&in->ply, s);
+		s->fstride += in->wedges.bytes;
 	}
+	s->wedges = in->wedges.bytes ? &in->wedges : NULL;
 	s->attributes = in->attributes.n ? &in->attributes : NULL;
 	return code == WH_E_IRREGULAR ? WH_OK : code;
 }
 
 wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, wh_wanted attributes, wh_input *in)
+                      wh_format from, wh_wanted wanted, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
 		return code;
 	code = check_content(c, &in->ply);
 	if (code == WH_OK)
-		code = wh_attributes_choose(c, &in->ply, attributes, &in->attributes);
+		code = choose(c, wanted, in);
 	if (code == WH_OK)
 		code = look(c, in);
 	if (code != WH_OK)
@@ -367,6 +418,14 @@ static uint64_t weld_bytes(const wh_ply *p, const wh_source *s)
 	return p->kind != WH_FORMAT_STL ? 0 : s->nf * (p->format == WH_PLY_ASCII ? 80 : 44);
 }
 
+/* Those of an OBJ file, on their way to the corners. */
+static uint64_t texcoord_bytes(const wh_input *in)
+{
+	return in->obj.start && in->wedges.corner.n
+	           ? in->obj.start[in->obj.lines.chunks].texcoords * 2 * sizeof(float)
+	           : 0;
+}
+
 uint64_t wh_input_temp_bytes(const wh_input *in)
 {
 	const wh_source *s = &in->source;
@@ -375,7 +434,7 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 	if (s->ffd < 0)
 		return unpacked + s->nf * s->fstride +
 		       (s->vfd < 0 ? s->nv * ((uint64_t)s->vstride + in->attributes.bytes) : 0) +
-		       weld_bytes(&in->ply, s);
+		       weld_bytes(&in->ply, s) + texcoord_bytes(in);
 	return unpacked +
 	       (in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0);
 }
@@ -383,6 +442,14 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 wh_code wh_input_unchanged(wh_ctx *c, const wh_input *in)
 {
 	return in->unpacked ? WH_OK : wh_ply_unchanged(c, &in->ply); /* then it was read at once */
+}
+
+void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, int fd)
+{
+	if (in->temp_fd >= 0)
+		wh_spill_close_scratch(spill, in->temp_fd);
+	in->temp_fd = fd;
+	in->source = *source;
 }
 
 void wh_input_drop_temp(wh_spill *spill, wh_input *in)
@@ -403,6 +470,7 @@ void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
 	wh_obj_free(c, &in->obj);
 	wh_stl_free(c, &in->stl);
 	wh_attributes_free(c, &in->attributes);
+	wh_wedges_free(c, &in->wedges);
 	wh_ply_close(c, &in->ply);
 	*in = (wh_input){.temp_fd = -1};
 	in->ply.fd = -1;

@@ -12,6 +12,7 @@
 #include "exec/exec.h"
 #include "io/attributes.h"
 #include "io/spill.h"
+#include "io/wedges.h"
 #include "mesh/mesh.h"
 #include "pipeline/read_obj.h"
 #include "pipeline/read_stl.h"
@@ -24,12 +25,24 @@ typedef struct wh_input {
 	bool unpacked;       /* ply is open on a temporary file, of what was compressed */
 	wh_source source;    /* refers to ply or to the temporary file below, and to attributes */
 	wh_attributes attributes; /* besides positions; none when they were not asked for */
+	wh_wedges wedges;         /* the same of faces and corners */
 	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
 	                      -1 when the whole body is used in place. Nameless: see spill.h */
 	uint64_t polygons; /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
+	bool rply;      /* rply reads the body */
+	uint64_t invalid_polygons; /* with a corner that is not finite, dropped; only when kept */
 } wh_input;
+
+/* How a file is to be opened. */
+typedef struct wh_input_how {
+	wh_format from;       /* its format; WH_FORMAT_ANY: what it looks like */
+	bool rewrite;         /* do not use the body in place (see below) */
+	wh_wanted attributes; /* vertex properties to read, as wh_attributes_choose says */
+	bool rply;            /* let rply read it: PLY only, and where the build has it */
+	bool keep_invalid;    /* vertices that are not finite are no failure (io/ply.h) */
+} wh_input_how;
 
 /*
  * Opens the file, unpacks it where it is compressed, and describes it in in->ply, whatever is in
@@ -49,21 +62,26 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                       wh_format from, bool force_rewrite, wh_input *in);
-/* The same with vertex properties besides the positions, those of wh_attributes_choose. *in must
- * stay where it is. */
+/* The same with all that can be said about it, such as what vertices and faces carry besides
+ * positions. *in must stay where it is. */
+wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                          const wh_input_how *how, wh_input *in);
 wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in);
+                           wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
 /*
  * The same, but a body that would have to be rewritten is not: the source then has the counts of
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
  */
 wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, wh_wanted attributes, wh_input *in);
+                      wh_format from, wh_wanted wanted, wh_input *in);
 /* The same as wh_input_open_with, but a file need not have faces: without, the source is its
  * vertices. */
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                          wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in);
+                          wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
+
+/* A body that was made out of this one's takes its place, in the scratch file fd. */
+void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, int fd);
 
 /* Bytes of the temporary file, or that it would have after a look; 0 when there is none. */
 uint64_t wh_input_temp_bytes(const wh_input *in);

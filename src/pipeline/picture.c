@@ -50,6 +50,13 @@ static wh_code check_colours(wh_ctx *c, const wh_input *in)
 	               in->ply.path);
 }
 
+/* Textures that the ceiling has no room for are refused with one that has. */
+static wh_code load_skins(wh_draw *d, wh_draw_file *f)
+{
+	d->c->mem->limit = d->memory > BASE_BYTES / 2 ? d->memory - BASE_BYTES / 2 : 1;
+	return wh_skins_load(d->c, &f->input, d->p->texture_file, &f->skins);
+}
+
 static wh_code open_file(wh_draw *d, int i)
 {
 	wh_ctx *c = d->c;
@@ -60,14 +67,17 @@ static wh_code open_file(wh_draw *d, int i)
 		ex.workers = wh_draw_budget(d) < REWRITE_BYTES
 		                 ? 1
 		                 : (int)(wh_draw_budget(d) / REWRITE_BYTES);
-	const wh_wanted wanted = {"all", d->p->colours ? WH_HOLDS_COLOUR : 0};
+	const wh_wanted wanted = {"all", (d->p->colours ? WH_HOLDS_COLOUR : 0U) |
+	                                     (d->p->texture ? WH_HOLDS_FACES : 0U)};
 	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, wanted,
 	                      &f->input) != WH_OK)
 		return c->err.code;
 	f->open = true;
 	d->r->faces += f->input.source.nf;
 	d->r->vertices += f->input.source.nv;
-	return d->p->colours ? check_colours(c, &f->input) : WH_OK;
+	if (d->p->colours && check_colours(c, &f->input) != WH_OK)
+		return c->err.code;
+	return d->p->texture ? load_skins(d, f) : WH_OK;
 }
 
 /* A name mistyped is to be told before the work. */
@@ -99,6 +109,7 @@ static void close_files(wh_draw *d)
 	for (int i = 0; i < d->p->npaths; i++)
 		if (d->file[i].open) {
 			wh_input_close(d->c, &d->spill, &d->file[i].input);
+			wh_skins_free(d->c, &d->file[i].skins);
 			d->file[i].open = false;
 		}
 }
@@ -283,6 +294,7 @@ static wh_code draw_cell(wh_draw *d, wh_draw_cell *cell)
 	uint32_t rows = 1;
 	cell->faces = src->nf;
 	cell->points = src->nv;
+	s.skins = d->p->texture && !d->p->distance_to ? &f->skins : NULL;
 	if (share_memory(d, &ex, &s, &rows) != WH_OK)
 		return d->c->err.code;
 	wh_code code = wh_scene_open(d->c, &scene, &ex, &d->spill, &d->progress, &s);

@@ -58,6 +58,8 @@ typedef struct wh_picture_params {
 	int up;                 /* wh_up, or WH_UP_GUESS */
 	double zoom;            /* 1: all just fits */
 	bool perspective, flat, wireframe, colours;
+	bool texture;             /* as the files say, ... */
+	const char *texture_file; /* ... or this one; NULL: none */
 	wh_rgba background;
 
 	const char *distance_to; /* coloured by the distance from this mesh; NULL: not */

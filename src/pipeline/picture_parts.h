@@ -14,6 +14,7 @@ typedef struct wh_draw_file {
 	wh_input input;
 	bool open;
 	bool rewrite; /* its body cannot be used in place */
+	wh_skins skins;
 } wh_draw_file;
 
 typedef struct wh_draw_cell {

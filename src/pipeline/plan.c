@@ -2,6 +2,7 @@
 
 #include "geom/kdtree.h"
 #include "io/attributes.h"
+#include "io/wedges.h"
 #include "pipeline/cluster.h"
 #include "pipeline/emit.h"
 #include "pipeline/finish.h"
@@ -106,7 +107,7 @@ static const double TOUCHED_ROUND = 95, TOUCHED_SETTLE = 126, TOUCHED_FINAL = 11
 static const double TOUCHED_CUT = 20;  /* of those that cut into micro-clusters */
 static const double UNEVEN = 1.02;     /* clusters larger than their share */
 static const double MICRO_LEFT = 0.03; /* that the borders of micro-clusters add */
-static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 25, TOUCHED_EMIT = 42;
+static const double TOUCHED_RECUT = 20, TOUCHED_CHECK = 40, TOUCHED_EMIT = 42;
 static const double SAVE_BUFFER = 256 * 1024;
 static const double KEPT_FREE = 1.6 * 1048576; /* in a round: freed blocks that fit nowhere */
 enum { MIB = 1024 * 1024 };
@@ -121,6 +122,7 @@ typedef struct forecast {
 	const wh_plan_query *q;
 	wh_plan *p;
 	uint32_t attr;     /* bytes of a vertex' attributes */
+	uint32_t face;     /* bytes of what a face and its corners carry */
 	double id, vertex; /* bytes of an id, of a vertex record without its error bound */
 	double faces;      /* now */
 	double store;      /* bytes of the cluster files now */
@@ -142,6 +144,7 @@ static wh_store layout(const forecast *f, bool cut)
 	                  .coord_bytes = f->q->source.is_double ? 8 : 4,
 	                  .vertex_payload = cut && f->p->rounds == 0 ? 0 : sizeof(float),
 	                  .attr_bytes = f->attr,
+	                  .face_bytes = f->face,
 	                  .local_corners = !cut};
 }
 
@@ -157,25 +160,25 @@ static double cut_store(const forecast *f, double payload)
 {
 	const double clusters = f->clusters;
 	const double visitors = clusters > 1 ? VISITORS * sqrt(f->faces / clusters) * clusters : 0;
-	return f->faces * 3 * f->id + (f->faces / 2 + visitors) * (f->vertex + payload);
+	return f->faces * (3 * f->id + f->face) + (f->faces / 2 + visitors) * (f->vertex + payload);
 }
 
 /* ... and with local ones, as a round leaves them. */
 static double round_store(const forecast *f, double faces)
 {
-	return faces * 12 + faces * 0.52 * (f->vertex + sizeof(float));
+	return faces * (12 + (double)f->face) + faces * 0.52 * (f->vertex + sizeof(float));
 }
 
 static double patch_of(const forecast *f, double nf)
 {
-	return nf * (12 + 0.5 * (37 + (double)f->attr));
+	return nf * (12 + (double)f->face + 0.5 * (37 + (double)f->attr));
 }
 
 /* Bytes of a cluster as it is loaded: its file, the patch, the places of its ids. */
 static double loaded(const forecast *f, double nf)
 {
 	const double payload = f->p->rounds > 0 ? sizeof(float) : 0;
-	return nf * (3 * f->id + 0.5 * (f->vertex + payload)) + patch_of(f, nf) + nf * 2;
+	return nf * (3 * f->id + f->face + 0.5 * (f->vertex + payload)) + patch_of(f, nf) + nf * 2;
 }
 
 static void stage(forecast *f, wh_plan_stage s, double need, double expect)
@@ -315,7 +318,8 @@ static void last_rounds(forecast *f)
 static void last_pass(forecast *f)
 {
 	const uint64_t nf = (uint64_t)f->faces, nv = nf / 2;
-	stage(f, WH_PLAN_FINAL, 1.08 * (double)wh_finish_bytes(nv, nf, f->attr, f->q->state),
+	stage(f, WH_PLAN_FINAL,
+	      1.08 * (double)wh_finish_bytes(nv, nf, f->attr, f->face, f->q->state),
 	      f->faces * (TOUCHED_FINAL + state_of(f)) + patch_of(f, f->faces));
 }
 
@@ -324,7 +328,7 @@ static void largest_last_pass(forecast *f)
 	const double most =
 	    fmin((double)wh_plan_final_limit(&f->q->sizes), (double)f->q->source.nf);
 	const size_t need =
-	    wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most, f->attr, f->q->state);
+	    wh_finish_bytes((uint64_t)(most / 2), (uint64_t)most, f->attr, f->face, f->q->state);
 	if (need > f->p->stage[WH_PLAN_FINAL].need)
 		f->p->stage[WH_PLAN_FINAL].need = need;
 }
@@ -367,6 +371,7 @@ void wh_plan_make(const wh_plan_query *q, wh_plan *p)
 	forecast f = {.q = q,
 	              .p = p,
 	              .attr = attr,
+	              .face = q->source.wedges ? q->source.wedges->bytes : 0,
 	              .id = id,
 	              .vertex = id + (q->source.is_double ? 24 : 12) + attr,
 	              .clusters = p->clusters,

@@ -2,17 +2,14 @@
 
 #include <string.h>
 
-enum {
-	PAGE = 2048,     /* vertices: 48 KiB of positions, read in one go */
-	MOST_SLOTS = 256 /* 12 MiB */
-};
+enum { PAGE = 2048 }; /* vertices: 48 KiB of positions, read in one go */
 
 _Static_assert(sizeof(wh_vec3) == 3 * sizeof(double), "positions are read straight into pages");
 
-wh_code wh_positions_open(wh_ctx *c, wh_positions *p, const wh_source *source)
+wh_code wh_positions_open(wh_ctx *c, wh_positions *p, const wh_source *source, size_t most)
 {
 	*p = (wh_positions){.source = source, .slots = 1};
-	while (p->slots < MOST_SLOTS && p->slots * PAGE < source->nv)
+	while (p->slots < most && p->slots * PAGE < source->nv)
 		p->slots *= 2;
 	p->tags = wh_calloc(c, p->slots, sizeof *p->tags);
 	p->pages = wh_alloc(c, p->slots * PAGE, sizeof *p->pages);

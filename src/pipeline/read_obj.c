@@ -9,30 +9,57 @@
  */
 #include "pipeline/read_obj.h"
 
+#include "base/real.h"
+
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 /* What lines are, by their first word. */
-typedef enum tag { VERTEX, FACE, TEXTURE, NORMAL, GROUP, MATERIAL, LINE, POINT, OTHER, TAGS } tag;
+typedef enum tag {
+	VERTEX,
+	FACE,
+	TEXTURE,
+	NORMAL,
+	GROUP,
+	MATERIAL,
+	LIBRARY,
+	SMOOTH,
+	LINE,
+	POINT,
+	OTHER,
+	TAGS
+} tag;
 
 static const struct {
 	const char *word;
 	tag tag;
 } words[] = {
     {"v", VERTEX}, {"f", FACE},  {"vt", TEXTURE},      {"vn", NORMAL},
-    {"g", GROUP},  {"o", GROUP}, {"usemtl", MATERIAL}, {"mtllib", MATERIAL},
+    {"g", GROUP},  {"o", GROUP}, {"usemtl", MATERIAL}, {"mtllib", LIBRARY},
     {"l", LINE},   {"p", POINT}, {"fo", FACE}, /* an old word for it */
-    {"s", GROUP},
+    {"s", SMOOTH},
 };
 
 /* Names for what is not carried over. */
-static const char *const tag_names[TAGS] = {
-    [TEXTURE] = "texture coordinates", [NORMAL] = "normals", [GROUP] = "groups",
-    [MATERIAL] = "materials",          [LINE] = "lines",     [POINT] = "points",
-    [OTHER] = "other statements"};
+static const char *const tag_names[TAGS] = {[TEXTURE] = "texture coordinates",
+                                            [NORMAL] = "normals",
+                                            [GROUP] = "groups",
+                                            [MATERIAL] = "materials",
+                                            [LIBRARY] = "material libraries",
+                                            [SMOOTH] = "smoothing groups",
+                                            [LINE] = "lines",
+                                            [POINT] = "points",
+                                            [OTHER] = "other statements"};
 
 enum { COLOURED = 6 }; /* numbers of a vertex with a colour */
+
+/* A line with a name: where it is in the text of the chunk. */
+typedef struct named {
+	tag tag;
+	size_t at, n;
+} named;
 
 /* A worker's buffers. */
 typedef struct reader {
@@ -45,12 +72,24 @@ typedef struct reader {
 	size_t records_cap;
 	uint64_t *ids;
 	size_t ids_cap;
+	/* counting: */
+	wh_obj_start counted;
+	named *names;
+	size_t names_cap, n_names;
+	/* what is carried: */
+	double *uv;
+	size_t uv_cap;
+	uint8_t *carried;
+	size_t carried_cap;
+	wh_positions texcoords;
 } reader;
 
 typedef struct job {
 	const wh_obj *obj;
 	const wh_lines *lines;
-	uint64_t *first;
+	wh_obj *filled; /* while it is looked at */
+	wh_obj_start *start;
+	wh_source uv; /* texture coordinates, as if they were positions; their file -1 without */
 	uint8_t *coloured; /* per chunk: its first vertex has a colour */
 	wh_rewrite *rw;
 	const wh_attribute *colour[3]; /* those that are carried */
@@ -78,6 +117,10 @@ static void free_readers(wh_ctx *c, job *j, int workers)
 		wh_free(c, j->readers[i].xyz);
 		wh_free(c, j->readers[i].records);
 		wh_free(c, j->readers[i].ids);
+		wh_free(c, j->readers[i].names);
+		wh_free(c, j->readers[i].uv);
+		wh_free(c, j->readers[i].carried);
+		wh_positions_close(c, &j->readers[i].texcoords);
 	}
 	wh_free(c, j->readers);
 }
@@ -93,36 +136,74 @@ static int count_words(const wh_lines *l, const char *s, int most)
 	return n;
 }
 
+/* What is behind the first word of a line, without blanks at its ends; of a group, the whole line.
+ */
+static named name_of(const job *j, const reader *r, const char *s, tag t)
+{
+	const char *name = t == GROUP ? s : wh_lines_word(j->lines, wh_word_end(s));
+	const char *end =
+	    memchr(name, j->lines->eol, r->part.n + 1 - (size_t)(name - r->part.text));
+	while (end > name && wh_is_blank(end[-1]))
+		end--;
+	return (named){t, (size_t)(name - r->part.text), (size_t)(end - name)};
+}
+
+static wh_code keep_name(wh_ctx *c, const job *j, reader *r, const char *s, tag t)
+{
+	if (wh_reserve(c, &r->names, &r->names_cap, r->n_names + 1, sizeof *r->names) != WH_OK)
+		return c->err.code;
+	r->names[r->n_names++] = name_of(j, r, s, t);
+	return WH_OK;
+}
+
 static wh_code count_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
 	reader *r = &j->readers[worker];
-	uint64_t vertices = 0;
+	r->counted = (wh_obj_start){0};
+	r->n_names = 0;
 	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
 		return c->err.code;
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
 		if (*s == '#')
 			continue;
 		const tag t = tag_of(s);
-		if (t == VERTEX && vertices++ == 0)
+		if (t == VERTEX && r->counted.vertices++ == 0)
 			j->coloured[index] = count_words(j->lines, s, COLOURED) >= COLOURED;
-		r->count[t] += t != VERTEX;
+		r->counted.texcoords += t == TEXTURE;
+		r->count[t]++;
+		if ((t == GROUP || t == MATERIAL || t == LIBRARY) &&
+		    keep_name(c, j, r, s, t) != WH_OK)
+			return c->err.code;
 	}
-	j->first[index] = vertices;
 	return WH_OK;
 }
 
-/* Counts of the chunks become numbers of their first vertices. */
-static uint64_t number_vertices(job *j)
+/* Chunk by chunk: what the next one begins with. */
+static wh_code count_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
-	uint64_t total = 0;
-	for (int64_t i = 0; i < j->lines->chunks; i++) {
-		const uint64_t n = j->first[i];
-		j->first[i] = total;
-		total += n;
+	const job *j = arg;
+	const reader *r = &j->readers[worker];
+	wh_obj *o = j->filled;
+	wh_obj_start *next = &o->start[index + 1];
+	*next = o->start[index];
+	next->vertices += r->counted.vertices;
+	next->texcoords += r->counted.texcoords;
+	for (size_t i = 0; i < r->n_names; i++) {
+		const named *one = &r->names[i];
+		const char *s = r->part.text + one->at;
+		wh_names *list = one->tag == GROUP      ? &o->groups
+		                 : one->tag == MATERIAL ? &o->materials
+		                                        : &o->libraries;
+		uint32_t at;
+		if (one->n && wh_names_add(c, list, s, one->n, &at) != WH_OK)
+			return c->err.code;
+		if (one->tag == GROUP)
+			next->group = one->n ? at + 1 : 0;
+		else if (one->tag == MATERIAL)
+			next->material = one->n ? at + 1 : 0;
 	}
-	j->first[j->lines->chunks] = total;
-	return total;
+	return WH_OK;
 }
 
 static wh_code describe(wh_ctx *c, const job *j, wh_ply *p, const uint64_t count[TAGS])
@@ -141,6 +222,12 @@ static wh_code describe(wh_ctx *c, const job *j, wh_ply *p, const uint64_t count
 		                          false);
 	if (wh_ply_add_element(c, p, "face", count[FACE]) == WH_OK)
 		(void)wh_ply_add_property(c, p, "vertex_indices", WH_I32, true);
+	if (count[TEXTURE])
+		(void)wh_ply_add_property(c, p, "texcoord", WH_F32, true);
+	if (j->filled->materials.n)
+		(void)wh_ply_add_property(c, p, "material", WH_U32, false);
+	if (j->filled->groups.n)
+		(void)wh_ply_add_property(c, p, "group", WH_U32, false);
 	for (int t = 0; t < TAGS; t++)
 		if (tag_names[t] && count[t])
 			(void)wh_ply_add_element(c, p, tag_names[t], count[t]);
@@ -153,21 +240,20 @@ static wh_code count_all(wh_ctx *c, const wh_exec *ex, wh_ply *p, job *j)
 	uint64_t count[TAGS] = {0};
 	j->coloured = wh_calloc(c, (size_t)j->lines->chunks, 1);
 	if (!j->coloured || make_readers(c, j, ex->workers) != WH_OK ||
-	    wh_exec_for(c, ex, j->lines->chunks, count_job, j) != WH_OK)
+	    wh_exec_ordered(c, ex, j->lines->chunks, count_job, count_commit, j) != WH_OK)
 		return wh_failed(c);
 	for (int i = 0; i < ex->workers; i++)
 		for (int t = 0; t < TAGS; t++)
 			count[t] += j->readers[i].count[t];
-	count[VERTEX] = number_vertices(j);
 	return describe(c, j, p, count);
 }
 
 wh_code wh_obj_look(wh_ctx *c, const wh_exec *ex, wh_ply *p, wh_obj *o)
 {
 	*o = (wh_obj){.lines = wh_lines_of(p, p->eol, true)};
-	o->first = wh_calloc(c, (size_t)o->lines.chunks + 1, sizeof *o->first);
-	job j = {.obj = o, .lines = &o->lines, .first = o->first};
-	const wh_code code = o->first ? count_all(c, ex, p, &j) : wh_failed(c);
+	o->start = wh_calloc(c, (size_t)o->lines.chunks + 1, sizeof *o->start);
+	job j = {.obj = o, .lines = &o->lines, .filled = o};
+	const wh_code code = o->start ? count_all(c, ex, p, &j) : wh_failed(c);
 	free_readers(c, &j, ex->workers);
 	wh_free(c, j.coloured);
 	if (code != WH_OK)
@@ -177,7 +263,10 @@ wh_code wh_obj_look(wh_ctx *c, const wh_exec *ex, wh_ply *p, wh_obj *o)
 
 void wh_obj_free(wh_ctx *c, wh_obj *o)
 {
-	wh_free(c, o->first);
+	wh_free(c, o->start);
+	wh_names_free(c, &o->libraries);
+	wh_names_free(c, &o->materials);
+	wh_names_free(c, &o->groups);
 	*o = (wh_obj){0};
 }
 
@@ -241,16 +330,50 @@ static wh_code vertex_line(wh_ctx *c, const job *j, reader *r, const char *s, si
 	return size ? take_colour(c, j, r, s, r->records + at * size) : WH_OK;
 }
 
+/* "vt 0.5 0.25": what is no number is 0, as is what no float holds. */
+static wh_code texcoord_line(wh_ctx *c, const job *j, reader *r, const char *s, size_t at)
+{
+	if (wh_reserve(c, &r->uv, &r->uv_cap, at + 1, 2 * sizeof *r->uv) != WH_OK)
+		return c->err.code;
+	s = wh_word_end(s);
+	for (size_t k = 0; k < 2; k++) {
+		double v = 0;
+		s = wh_lines_word(j->lines, s);
+		if (*s != j->lines->eol && *s != '#') {
+			(void)wh_scan_real(s, &v);
+			s = wh_word_end(s);
+		}
+		r->uv[2 * at + k] = isfinite(wh_round_float(v)) ? v : 0;
+	}
+	return WH_OK;
+}
+
+/* As floats, to their own file. */
+static wh_code put_texcoords(wh_ctx *c, const job *j, reader *r, uint64_t first, size_t n)
+{
+	unsigned char *to = (unsigned char *)r->uv; /* floats never overtake doubles */
+	for (size_t i = 0; i < 2 * n; i++) {
+		const float v = (float)r->uv[i] + 0.0F; /* -0 is 0 */
+		memcpy(to + sizeof v * i, &v, sizeof v);
+	}
+	return wh_spill_pwrite(c, j->rw->spill, j->uv.vfd, to, 2 * sizeof(float) * n,
+	                       2 * sizeof(float) * first);
+}
+
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
 	reader *r = &j->readers[worker];
-	size_t n = 0;
-	if (j->first[index + 1] == j->first[index])
+	size_t n = 0, n_uv = 0;
+	const wh_obj_start *start = &j->start[index];
+	const bool uv = j->uv.vfd >= 0 && start[1].texcoords > start->texcoords;
+	if (start[1].vertices == start->vertices && !uv)
 		return WH_OK;
 	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
 		return c->err.code;
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
+		if (uv && wh_lines_is(s, "vt") && texcoord_line(c, j, r, s, n_uv++) != WH_OK)
+			return c->err.code;
 		if (*s != 'v' || !wh_is_blank(s[1]))
 			continue;
 		if (vertex_line(c, j, r, s, n) != WH_OK)
@@ -259,9 +382,13 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	if (wh_rewrite_heed(j->rw, r->told))
 		return WH_E_IRREGULAR;
-	if (wh_rewrite_put_vertices(c, j->rw, j->first[index], r->xyz, n) != WH_OK)
+	if (n_uv && put_texcoords(c, j, r, start->texcoords, n_uv) != WH_OK)
 		return c->err.code;
-	return wh_rewrite_put_attributes(c, j->rw, j->first[index], r->records, n);
+	if (n == 0)
+		return WH_OK;
+	if (wh_rewrite_put_vertices(c, j->rw, start->vertices, r->xyz, n) != WH_OK)
+		return c->err.code;
+	return wh_rewrite_put_attributes(c, j->rw, start->vertices, r->records, n);
 }
 
 /* --- faces --- */
@@ -282,6 +409,71 @@ static bool scan_corner(const char *s, uint64_t before, uint64_t *id)
 	return n > 0 || !minus;
 }
 
+/* The texture coordinates of a corner "7/8", "7/-1/3"; false: it has none that the file has. */
+static bool scan_texcoord(const job *j, const char *s, uint64_t before, uint64_t *id)
+{
+	while (*s != '/' && !wh_is_blank(*s))
+		s++;
+	if (*s != '/')
+		return false;
+	s++;
+	const bool minus = *s == '-';
+	s += minus || *s == '+';
+	uint64_t n = 0;
+	for (; *s >= '0' && *s <= '9'; s++)
+		n = n < UINT64_MAX / 16 ? 10 * n + (uint64_t)(*s - '0') : n;
+	*id = minus ? before - n : n - 1;
+	return n > 0 && (!minus || n <= before) && *id < j->uv.nv;
+}
+
+/* What the chunk has come to. */
+typedef struct walk {
+	wh_obj_start at;
+	wh_facer *facer;
+} walk;
+
+/* Puts corner i of a face into what it carries. */
+static wh_code carry_corner(wh_ctx *c, const job *j, reader *r, const walk *k, const char *s,
+                            size_t i)
+{
+	const wh_attributes *a = &j->rw->wedges->corner;
+	uint64_t id;
+	wh_vec3 uv;
+	if (wh_reserve(c, &r->carried, &r->carried_cap, (i + 1) * a->bytes, 1) != WH_OK)
+		return c->err.code;
+	uint8_t *to = r->carried + i * a->bytes;
+	if (a->n == 0)
+		return WH_OK;
+	if (!scan_texcoord(j, s, k->at.texcoords, &id)) {
+		wh_wedges_no_corner(j->rw->wedges, to);
+		return WH_OK;
+	}
+	if (!r->texcoords.pages &&
+	    wh_positions_open(c, &r->texcoords, &j->uv, WH_POSITIONS_FEW) != WH_OK)
+		return c->err.code;
+	if (wh_positions_get(c, &r->texcoords, id, &uv) != WH_OK)
+		return c->err.code;
+	wh_attribute_set(&a->item[0], to, uv.x);
+	wh_attribute_set(&a->item[1], to, uv.y);
+	return WH_OK;
+}
+
+/* Puts material and group behind the n corners. */
+static wh_code carry_face(wh_ctx *c, const job *j, reader *r, const walk *k, size_t n)
+{
+	const wh_wedges *w = j->rw->wedges;
+	if (wh_reserve(c, &r->carried, &r->carried_cap, n * w->corner.bytes + w->face.bytes, 1) !=
+	    WH_OK)
+		return c->err.code;
+	for (uint32_t i = 0; i < w->face.n; i++) {
+		const bool material = strcmp(w->face.item[i].name, "material") == 0;
+		wh_attribute_set(&w->face.item[i], r->carried + n * w->corner.bytes,
+		                 material ? k->at.material : k->at.group);
+	}
+	k->facer->carried = r->carried;
+	return WH_OK;
+}
+
 static wh_code bad_corner(wh_ctx *c, const job *j, const reader *r, const char *s)
 {
 	const size_t n = (size_t)(wh_word_end(s) - s);
@@ -291,8 +483,7 @@ static wh_code bad_corner(wh_ctx *c, const job *j, const reader *r, const char *
 	           n > 40 ? 40 : (int)n, s, j->rw->source.nv);
 }
 
-static wh_code face_line(wh_ctx *c, const job *j, reader *r, const char *s, uint64_t before,
-                         wh_facer *f)
+static wh_code face_line(wh_ctx *c, const job *j, reader *r, const char *s, const walk *k)
 {
 	const wh_lines *l = j->lines;
 	size_t n = 0;
@@ -301,25 +492,45 @@ static wh_code face_line(wh_ctx *c, const job *j, reader *r, const char *s, uint
 		if (n == r->ids_cap &&
 		    wh_reserve(c, &r->ids, &r->ids_cap, n + 1, sizeof *r->ids) != WH_OK)
 			return c->err.code;
-		if (!scan_corner(s, before, &r->ids[n]) || r->ids[n] >= j->rw->source.nv)
+		if (!scan_corner(s, k->at.vertices, &r->ids[n]) || r->ids[n] >= j->rw->source.nv)
 			return bad_corner(c, j, r, s);
+		if (j->rw->wedges && carry_corner(c, j, r, k, s, n) != WH_OK)
+			return c->err.code;
 		n++;
 	}
-	return wh_facer_add(c, f, r->ids, n);
+	if (j->rw->wedges && carry_face(c, j, r, k, n) != WH_OK)
+		return c->err.code;
+	return wh_facer_add(c, k->facer, r->ids, n);
+}
+
+static void change_label(const job *j, const reader *r, const char *s, tag t, walk *k)
+{
+	const named name = name_of(j, r, s, t);
+	const wh_names *list = t == GROUP ? &j->obj->groups : &j->obj->materials;
+	const uint32_t label = name.n ? wh_names_find(list, r->part.text + name.at, name.n) + 1 : 0;
+	if (t == GROUP)
+		k->at.group = label;
+	else
+		k->at.material = label;
 }
 
 static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
 	reader *r = &j->readers[worker];
-	uint64_t before = j->first[index];
+	walk k = {j->start[index], &j->rw->facers[worker]};
 	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
 		return c->err.code;
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
-		if (*s == 'v')
-			before += wh_is_blank(s[1]);
-		else if (*s == 'f' && tag_of(s) == FACE &&
-		         face_line(c, j, r, s, before, &j->rw->facers[worker]) != WH_OK)
+		if (*s == 'v') {
+			k.at.vertices += wh_is_blank(s[1]);
+			k.at.texcoords += wh_lines_is(s, "vt");
+			continue;
+		}
+		const tag t = *s == 'f' || *s == 'g' || *s == 'o' || *s == 'u' ? tag_of(s) : OTHER;
+		if (t == GROUP || t == MATERIAL)
+			change_label(j, r, s, t, &k);
+		else if (t == FACE && face_line(c, j, r, s, &k) != WH_OK)
 			return c->err.code;
 	}
 	return WH_OK;
@@ -332,13 +543,31 @@ static wh_code take_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_rewrite_take(c, j->rw, &j->rw->facers[worker]);
 }
 
+/* A temporary file for the texture coordinates, where they are carried. */
+static wh_code open_texcoords(wh_ctx *c, job *j)
+{
+	const wh_wedges *w = j->rw->wedges;
+	j->uv = (wh_source){.path = j->lines->file->path,
+	                    .nv = j->start[j->lines->chunks].texcoords,
+	                    .vfd = -1,
+	                    .vstride = 2 * sizeof(float),
+	                    .voff = {0, sizeof(float), sizeof(float)},
+	                    .vtype = {WH_F32, WH_F32, WH_F32}};
+	if (!w || w->corner.n == 0)
+		return WH_OK;
+	j->uv.vfd = wh_spill_scratch(c, j->rw->spill);
+	return j->uv.vfd >= 0 ? WH_OK : wh_failed(c);
+}
+
 wh_code wh_obj_rewrite(wh_ctx *c, wh_rewrite *rw, const wh_obj *o)
 {
 	const int64_t n = o->lines.chunks;
-	job j = {.obj = o, .lines = &o->lines, .first = o->first, .rw = rw};
+	job j = {.obj = o, .lines = &o->lines, .start = o->start, .rw = rw, .uv = {.vfd = -1}};
 	for (int k = 0; k < 3; k++)
 		j.colour[k] = wh_attributes_find(rw->attributes, 3 + k);
 	wh_code code = make_readers(c, &j, rw->ex->workers);
+	if (code == WH_OK)
+		code = open_texcoords(c, &j);
 	if (code == WH_OK)
 		code = wh_exec_for(c, rw->ex, n, vertices_job, &j);
 	if (code == WH_OK)
@@ -346,5 +575,7 @@ wh_code wh_obj_rewrite(wh_ctx *c, wh_rewrite *rw, const wh_obj *o)
 	if (code == WH_OK)
 		code = wh_exec_ordered(c, rw->ex, n, faces_job, take_job, &j);
 	free_readers(c, &j, rw->ex->workers);
+	if (j.uv.vfd >= 0)
+		wh_spill_close_scratch(rw->spill, j.uv.vfd);
 	return code;
 }

@@ -3,7 +3,9 @@
  *
  * Vertices (v), with a colour behind the position where there is one, and faces (f) of any number
  * of corners with absolute or relative indices, are used; what else there is is counted by its
- * kind, so that it can be named.
+ * kind, so that it can be named. Where they are wanted (io/wedges.h), faces carry the texture
+ * coordinates of their corners (a list, as PLY has it), and as labels their material and their
+ * group: one more than the place of its name, 0 without.
  */
 #ifndef WH_PIPELINE_READ_OBJ_H
 #define WH_PIPELINE_READ_OBJ_H
@@ -11,10 +13,17 @@
 #include "pipeline/lines.h"
 #include "pipeline/rewrite.h"
 
-/* Number of the first vertex of each chunk, and of all. */
+/* What a chunk of lines begins with, and the end of all. */
+typedef struct wh_obj_start {
+	uint64_t vertices, texcoords; /* before it */
+	uint32_t material, group;     /* of its first face */
+} wh_obj_start;
+
 typedef struct wh_obj {
 	wh_lines lines;
-	uint64_t *first;
+	wh_obj_start *start;
+	/* files of materials, materials; groups and objects: their whole lines */
+	wh_names libraries, materials, groups;
 } wh_obj;
 
 /* Goes through the open file once and describes it in *p: counts, and what else there is. */

@@ -212,7 +212,9 @@ static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
-		(void)wh_store_put_face(r->to, wh_parcel_put(&h->out, f), gid);
+		uint8_t *end = wh_store_put_face(r->to, wh_parcel_put(&h->out, f), gid);
+		if (p->face_bytes)
+			memcpy(end, wh_patch_face(p, f), p->face_bytes);
 	}
 	return WH_OK;
 }
@@ -408,6 +410,7 @@ static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 static wh_code hand_fit(wh_ctx *c, recut_hand *h, const wh_store *from, uint64_t nv, uint64_t nf)
 {
 	h->patch.attr_bytes = from->attr_bytes;
+	h->patch.face_bytes = from->face_bytes;
 	if (wh_store_scratch_fit(c, from, &h->scratch, nv, nf) != WH_OK ||
 	    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
@@ -436,6 +439,7 @@ static void describe_store(const wh_store *from, wh_store *to)
 	to->coord_bytes = from->coord_bytes;
 	to->vertex_payload = from->vertex_payload;
 	to->attr_bytes = from->attr_bytes;
+	to->face_bytes = from->face_bytes;
 	to->local_corners = false;
 }
 
@@ -454,9 +458,9 @@ static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, u
 	const size_t corners = 3 * (size_t)nf;
 	const size_t most = larger(corners, (size_t)nv); /* every vertex has a corner */
 	const size_t vertices = wh_parcel_bytes(clusters, wh_store_vertex_bytes(&to), most);
-	return wh_store_scratch_bytes(from, nv, nf) + wh_patch_bytes(nv, nf, from->attr_bytes) +
-	       6 * (size_t)nv + 2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) +
-	       1024;
+	return wh_store_scratch_bytes(from, nv, nf) +
+	       wh_patch_bytes(nv, nf, from->attr_bytes, from->face_bytes) + 6 * (size_t)nv +
+	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
 }
 
 /* Held all the time. */

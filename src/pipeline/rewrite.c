@@ -7,13 +7,17 @@
 
 #include <inttypes.h>
 #include <math.h>
+#include <string.h>
 
 void wh_rewrite_restart(wh_rewrite *w)
 {
 	const wh_ply_elem *e = &w->ply->elems[w->ply->vertex];
 	const int prop[3] = {w->ply->x, w->ply->y, w->ply->z};
 	wh_source *s = &w->source;
-	*s = (wh_source){.path = w->ply->path, .nv = e->count, .vfd = w->fd};
+	*s = (wh_source){.path = w->ply->path,
+	                 .nv = e->count,
+	                 .vfd = w->fd,
+	                 .keep_invalid = w->ply->keep_invalid};
 	s->is_double = w->wider;
 	w->white = w->bright ? 255 : 1;
 	for (int k = 0; k < 3; k++)
@@ -25,15 +29,21 @@ void wh_rewrite_restart(wh_rewrite *w)
 	}
 	s->vstride = 3 * wh_type_size(type);
 	s->attributes = w->attributes;
+	s->wedges = w->wedges;
 	s->afd = w->fd;
 	s->abase = s->nv * s->vstride;
 	w->end = s->abase + s->nv * wh_rewrite_record(w);
 }
 
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply, const wh_attributes *attributes)
+                        const wh_ply *ply, const wh_attributes *attributes, const wh_wedges *wedges)
 {
-	*w = (wh_rewrite){.ply = ply, .attributes = attributes, .ex = ex, .spill = spill, .fd = -1};
+	*w = (wh_rewrite){.ply = ply,
+	                  .attributes = attributes,
+	                  .wedges = wedges,
+	                  .ex = ex,
+	                  .spill = spill,
+	                  .fd = -1};
 	w->facers = wh_calloc(c, (size_t)ex->workers, sizeof *w->facers);
 	if (!w->facers)
 		return c->err.code;
@@ -124,11 +134,12 @@ wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double
 {
 	const bool is_double = w->source.is_double;
 	for (size_t i = 0; i < 3 * n; i++)
-		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])))
+		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])) &&
+		    !w->ply->keep_invalid)
 			return wh_fail(c, WH_E_INPUT,
 			               "'%s', vertex %" PRIu64
-			               ": %c is not a finite number%s; remove such vertices and "
-			               "their faces first",
+			               ": %c is not a finite number%s; 'reduce --drop-invalid' "
+			               "goes on without such vertices and their faces",
 			               w->ply->path, first + i / 3, "xyz"[i % 3],
 			               isfinite(xyz[i]) ? " of type float" : "");
 	if (!is_double)
@@ -154,14 +165,26 @@ wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w)
 	s->fbase = w->end;
 	s->nf = 0;
 	s->itype = s->nv > UINT32_MAX ? WH_U64 : WH_U32;
-	s->fstride = 3 * wh_type_size(s->itype);
+	s->fstride = 3 * wh_type_size(s->itype) + (w->wedges ? w->wedges->bytes : 0);
 	s->count_off = -1;
-	w->polygons = w->degenerate = 0;
+	w->polygons = w->degenerate = w->invalid = 0;
 	for (int i = 0; i < w->ex->workers; i++) {
 		w->facers[i].out_n = 0;
-		w->facers[i].polygons = w->facers[i].degenerate = 0;
+		w->facers[i].polygons = w->facers[i].degenerate = w->facers[i].invalid = 0;
 	}
 	return wh_poll(c);
+}
+
+uint8_t *wh_rewrite_carried(wh_ctx *c, const wh_rewrite *w, uint8_t **room, size_t *cap, size_t n)
+{
+	const wh_wedges *we = w->wedges;
+	const size_t corners = n * we->corner.bytes;
+	if (wh_reserve(c, room, cap, corners + we->face.bytes + 1, 1) != WH_OK)
+		return NULL;
+	for (size_t i = 0; i < n; i++)
+		wh_wedges_no_corner(we, *room + i * we->corner.bytes);
+	memset(*room + corners, 0, we->face.bytes);
+	return *room;
 }
 
 wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f)
@@ -173,8 +196,9 @@ wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f)
 	w->source.nf += f->out_n;
 	w->polygons += f->polygons;
 	w->degenerate += f->degenerate;
+	w->invalid += f->invalid;
 	f->out_n = 0;
-	f->polygons = f->degenerate = 0;
+	f->polygons = f->degenerate = f->invalid = 0;
 	return WH_OK;
 }
 

@@ -4,7 +4,8 @@
  * What the three ways of rewriting (binary, text by lines, text by words) share. Internal to the
  * normalise module. The temporary file begins with the vertices (three floats or doubles each) and
  * the records of their attributes, if any, unless they can be read from the user's file; then
- * triangles of three 32- or 64-bit indices, in the host's byte order and the file's order.
+ * triangles of three 32- or 64-bit indices and what the face carries, in the host's byte order and
+ * the file's order.
  */
 #ifndef WH_PIPELINE_REWRITE_H
 #define WH_PIPELINE_REWRITE_H
@@ -17,6 +18,7 @@
 typedef struct wh_rewrite {
 	const wh_ply *ply;
 	const wh_attributes *attributes; /* NULL: none */
+	const wh_wedges *wedges;         /* NULL: faces carry nothing */
 	const wh_exec *ex;
 	wh_spill *spill;
 	int fd;            /* the temporary file */
@@ -25,6 +27,7 @@ typedef struct wh_rewrite {
 	wh_facer *facers;  /* one per worker */
 	uint64_t polygons; /* of the facers whose output was taken */
 	uint64_t degenerate;
+	uint64_t invalid;
 	_Atomic bool wider;  /* coordinates whose type is not declared have to be doubles */
 	_Atomic bool bright; /* colours whose range is not declared go to 255 */
 	double white;        /* of such colours: 1 or 255 */
@@ -32,7 +35,8 @@ typedef struct wh_rewrite {
 
 /* Makes the temporary file. The vertices will be in it, at its beginning. */
 wh_code wh_rewrite_open(wh_ctx *c, wh_rewrite *w, const wh_exec *ex, wh_spill *spill,
-                        const wh_ply *ply, const wh_attributes *attributes);
+                        const wh_ply *ply, const wh_attributes *attributes,
+                        const wh_wedges *wedges);
 /* Forgets what was written: for a second try in another way. */
 void wh_rewrite_restart(wh_rewrite *w);
 /* What the text of a format that declares nothing tells as it is read. */
@@ -62,7 +66,8 @@ void wh_rewrite_close(wh_ctx *c, wh_rewrite *w, bool keep);
 void wh_rewrite_vertices_in_place(wh_rewrite *w, uint64_t base);
 
 /* Writes n vertices from number `first` on; the doubles are destroyed. WH_E_INPUT when one does
- * not fit the output's type or is not finite (see wh_rewrite_bad_vertex). Thread-safe. */
+ * not fit the output's type or is not finite, unless the file's keep_invalid is set. Thread-safe.
+ */
 wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double *xyz, size_t n);
 /* Writes the records of their attributes; does nothing where there are none. Thread-safe. */
 wh_code wh_rewrite_put_attributes(wh_ctx *c, wh_rewrite *w, uint64_t first, const uint8_t *records,
@@ -85,6 +90,10 @@ static inline size_t wh_rewrite_batch(const wh_rewrite *w)
 
 /* All vertices are written; triangles come next, the facers are empty. */
 wh_code wh_rewrite_start_faces(wh_ctx *c, wh_rewrite *w);
+
+/* Room for what a face of n corners carries, in *room; all is as for a face of which nothing is
+ * known. NULL: no memory. */
+uint8_t *wh_rewrite_carried(wh_ctx *c, const wh_rewrite *w, uint8_t **room, size_t *cap, size_t n);
 
 /* Appends the facer's triangles to the file and empties it. */
 wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f);
@@ -118,5 +127,7 @@ static inline int wh_corner_list(const wh_ply *p, int elem)
 wh_code wh_rewrite_binary(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *w);
 wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *w);
+/* A fourth one, for PLY of any form: rply reads it (io/rply_read.h). */
+wh_code wh_rewrite_rply(wh_ctx *c, wh_rewrite *w);
 
 #endif

@@ -4,7 +4,8 @@
  * about a MiB begins; then the chunks are decoded in parallel and their triangles appended in
  * order. Vertices of fixed size stay where they are; those with lists, a rarity, are written
  * during the hop. A list longer than a chunk (a strip of the whole mesh, a giant polygon) is
- * streamed by one worker, so that memory does not depend on it.
+ * streamed by one worker, so that memory does not depend on it (what such a face carries is not
+ * read).
  *
  * Cost: the file is read twice, memory is a chunk, its triangles and 16 bytes per MiB of faces.
  */
@@ -223,6 +224,8 @@ typedef struct faces {
 		unsigned char *bytes; /* of the chunk */
 		uint64_t *ids;        /* corners of the face at hand */
 		size_t ids_cap;
+		uint8_t *carried; /* what it and they carry */
+		size_t carried_cap;
 	} * workers;
 } faces;
 
@@ -286,6 +289,47 @@ static wh_code load_corners(wh_ctx *c, faces *f, struct worker *k, const unsigne
 	return WH_OK;
 }
 
+/* Texture coordinates of the n corners, from a list that is known to be whole. One of another
+ * length says nothing. */
+static void load_texcoords(const faces *f, const unsigned char *p, uint64_t n, uint64_t values,
+                           uint8_t *carried)
+{
+	const wh_wedges *w = f->rw->wedges;
+	const uint32_t size = wh_type_size(w->corner.item[0].type);
+	if (values != 2 * n)
+		return;
+	for (uint64_t i = 0; i < 2 * n; i++, p += size)
+		wh_attribute_load(&w->corner.item[i % 2], p, f->l.swap,
+		                  carried + i / 2 * w->corner.bytes);
+}
+
+/* What the face of n corners at p carries, which is known to be whole. */
+static wh_code load_carried(wh_ctx *c, const faces *f, struct worker *k, wh_facer *facer,
+                            const unsigned char *p, uint64_t n)
+{
+	const wh_wedges *w = f->rw->wedges;
+	uint8_t *to = wh_rewrite_carried(c, f->rw, &k->carried, &k->carried_cap, (size_t)n);
+	if (!to)
+		return c->err.code;
+	uint8_t *record = to + (size_t)n * w->corner.bytes;
+	facer->carried = to;
+	for (int i = 0; i < (int)f->l.elem->nprops; i++) {
+		const wh_ply_prop *q = &f->l.elem->props[i];
+		const wh_attribute *a = q->is_list ? NULL : wh_attributes_find(&w->face, i);
+		uint64_t values = 1;
+		if (q->is_list) {
+			values = wh_load_integer(p, q->count_type, f->l.swap);
+			p += wh_type_size(q->count_type);
+		}
+		if (i == w->list)
+			load_texcoords(f, p, n, values, to);
+		if (a)
+			wh_attribute_load(a, p, f->l.swap, record);
+		p += values * wh_type_size(q->type);
+	}
+	return WH_OK;
+}
+
 /* Decodes the item at p; *used tells its bytes. The chunk ends at `end`. `at` is p's offset. */
 static wh_code decode_face(wh_ctx *c, faces *f, struct worker *k, wh_facer *facer,
                            const unsigned char *p, const unsigned char *end, uint64_t item,
@@ -313,6 +357,8 @@ static wh_code decode_face(wh_ctx *c, faces *f, struct worker *k, wh_facer *face
 	if ((uint64_t)(end - p) < f->l.tail)
 		return changed_meanwhile(c, &f->l);
 	*used = (size_t)(p - start) + (size_t)f->l.tail;
+	if (f->rw->wedges && load_carried(c, f, k, facer, start, corners) != WH_OK)
+		return c->err.code;
 	return wh_facer_add(c, facer, k->ids, (size_t)corners);
 }
 
@@ -467,6 +513,7 @@ static wh_code commit_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	faces *f = arg;
 	wh_facer *facer = &f->rw->facers[worker];
+	facer->carried = NULL;
 	if (is_oversize(f, index) && stream_face(c, f, &f->marks[index], facer) != WH_OK)
 		return c->err.code;
 	return wh_rewrite_take(c, f->rw, facer);
@@ -487,6 +534,7 @@ static wh_code rewrite_faces(wh_ctx *c, wh_rewrite *rw, wh_window *w, int elem, 
 	for (int i = 0; f.workers && i < rw->ex->workers; i++) {
 		wh_free(c, f.workers[i].bytes);
 		wh_free(c, f.workers[i].ids);
+		wh_free(c, f.workers[i].carried);
 	}
 	wh_free(c, f.marks);
 	layout_close(c, &f.l);

@@ -46,7 +46,8 @@ typedef enum action {
 	TAKE_Z,
 	TAKE_ATTRIBUTE,
 	SKIP_LIST,
-	TAKE_CORNERS
+	TAKE_CORNERS,
+	TAKE_TEXCOORDS
 } action;
 
 typedef struct element {
@@ -69,7 +70,16 @@ typedef struct scratch {
 	size_t records_cap;
 	uint64_t *ids;
 	size_t ids_cap;
+	double *uv; /* texture coordinates of a face's corners */
+	size_t uv_cap;
+	uint8_t *face, *carried; /* what the face carries; with its corners' */
+	size_t face_cap, carried_cap;
 } scratch;
+
+/* What a line came to, beside what is in the scratch. */
+typedef struct found {
+	uint64_t corners, texcoords;
+} found;
 
 typedef struct job {
 	wh_rewrite *rw;
@@ -151,8 +161,13 @@ static uint64_t number_lines(job *j)
 static action action_of(const wh_rewrite *rw, int elem, int prop)
 {
 	const wh_ply *p = rw->ply;
+	const wh_wedges *w = elem == p->face ? rw->wedges : NULL;
 	if (p->elems[elem].props[prop].is_list)
-		return prop == wh_corner_list(p, elem) ? TAKE_CORNERS : SKIP_LIST;
+		return prop == wh_corner_list(p, elem) ? TAKE_CORNERS
+		       : w && prop == w->list          ? TAKE_TEXCOORDS
+		                                       : SKIP_LIST;
+	if (w && wh_attributes_find(&w->face, prop))
+		return TAKE_ATTRIBUTE;
 	if (elem != p->vertex)
 		return SKIP;
 	if (wh_attributes_find(rw->attributes, prop))
@@ -224,6 +239,19 @@ static const char *scan_list(wh_ctx *c, const char *s, char eol, scratch *w, uin
 	return s;
 }
 
+/* The same of n reals, into uv. */
+static const char *scan_texcoords(wh_ctx *c, const char *s, char eol, scratch *w, uint64_t n)
+{
+	for (size_t i = 0; i < n && s; i++) {
+		if (i == w->uv_cap &&
+		    wh_reserve(c, &w->uv, &w->uv_cap, i + 1, sizeof *w->uv) != WH_OK)
+			return NULL;
+		s = skip_blanks(s, eol);
+		s = *s == eol ? NULL : wh_scan_real(s, &w->uv[i]);
+	}
+	return s;
+}
+
 /* The rest of a line must hold no word, unless words are passed over. */
 static bool line_ends(const job *j, const char *s)
 {
@@ -242,12 +270,12 @@ static const char *take_attribute(const job *j, const wh_attribute *a, const cha
 	return s;
 }
 
-/* Parses a line of any element; takes coordinates into xyz[3], attributes into `record`, corners
- * into w->ids. False: not as expected. */
+/* Parses a line of any element; takes coordinates into xyz[3], attributes from `next` on into
+ * `record`, corners into w->ids, their texture coordinates into w->uv. False: not as expected. */
 static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
-                      double *xyz, uint8_t *record, uint64_t *corners)
+                      double *xyz, const wh_attribute *next, uint8_t *record, found *lists)
 {
-	const wh_attribute *next = j->rw->attributes ? j->rw->attributes->item : NULL;
+	*lists = (found){0};
 	for (size_t i = 0; i < e->nprops && s; i++) {
 		const action a = e->actions[i];
 		uint64_t n;
@@ -265,9 +293,12 @@ static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, 
 			s = scan_count(s, j->eol, &n);
 			if (s && a == SKIP_LIST) {
 				s = skip_words(s, n, j->eol);
+			} else if (s && a == TAKE_TEXCOORDS) {
+				s = scan_texcoords(c, s, j->eol, w, n);
+				lists->texcoords = n;
 			} else if (s) {
 				s = scan_list(c, s, j->eol, w, n);
-				*corners = n;
+				lists->corners = n;
 			}
 		}
 	}
@@ -288,18 +319,39 @@ static wh_code add_strip(wh_ctx *c, const job *j, wh_facer *f, const uint64_t *i
 	return WH_OK;
 }
 
+/* Tells the facer what the face of the line at hand carries. */
+static wh_code carry(wh_ctx *c, const job *j, scratch *w, found lists, wh_facer *f)
+{
+	const wh_wedges *we = j->rw->wedges;
+	const size_t n = (size_t)lists.corners;
+	uint8_t *to = wh_rewrite_carried(c, j->rw, &w->carried, &w->carried_cap, n);
+	if (!to)
+		return c->err.code;
+	for (size_t i = 0; lists.texcoords == 2 * n && i < 2 * n; i++)
+		wh_attribute_set(&we->corner.item[i % 2], to + i / 2 * we->corner.bytes, w->uv[i]);
+	memcpy(to + n * we->corner.bytes, w->face, we->face.bytes);
+	f->carried = to;
+	return WH_OK;
+}
+
 static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
                          wh_facer *f)
 {
+	const wh_wedges *we = j->rw->wedges;
 	double unused[3];
-	uint64_t n = 0;
-	if (!scan_line(c, j, e, s, w, unused, NULL, &n))
+	found lists;
+	if (we && wh_reserve(c, &w->face, &w->face_cap, we->face.bytes + 1, 1) != WH_OK)
+		return c->err.code;
+	if (!scan_line(c, j, e, s, w, unused, we ? we->face.item : NULL, w->face, &lists))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
+	const uint64_t n = lists.corners;
 	if (e->strip)
 		return add_strip(c, j, f, w->ids, n);
 	for (size_t i = 0; i < n; i++)
 		if (w->ids[i] >= j->rw->source.nv)
 			return WH_E_IRREGULAR;
+	if (we && carry(c, j, w, lists, f) != WH_OK)
+		return c->err.code;
 	return wh_facer_add(c, f, w->ids, (size_t)n);
 }
 
@@ -307,17 +359,18 @@ static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *
 static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
                            size_t at)
 {
-	uint64_t unused;
+	found unused;
+	const wh_attributes *a = j->rw->attributes;
 	const size_t size = wh_rewrite_record(j->rw);
 	if (wh_reserve(c, &w->xyz, &w->xyz_cap, 3 * at + 3, sizeof *w->xyz) != WH_OK ||
 	    wh_reserve(c, &w->records, &w->records_cap, (at + 1) * size, 1) != WH_OK)
 		return c->err.code;
-	if (!scan_line(c, j, e, s, w, w->xyz + 3 * at, size ? w->records + at * size : NULL,
-	               &unused))
+	if (!scan_line(c, j, e, s, w, w->xyz + 3 * at, a ? a->item : NULL,
+	               size ? w->records + at * size : NULL, &unused))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	for (size_t k = 0; k < 3; k++) {
 		const double v = w->xyz[3 * at + k];
-		if (!isfinite(e->round ? wh_round_float(v) : v))
+		if (!isfinite(e->round ? wh_round_float(v) : v) && !j->rw->ply->keep_invalid)
 			return WH_E_IRREGULAR;
 	}
 	return WH_OK;
@@ -326,8 +379,8 @@ static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char
 static wh_code other_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w)
 {
 	double unused[3];
-	uint64_t none;
-	if (!scan_line(c, j, e, s, w, unused, NULL, &none))
+	found none;
+	if (!scan_line(c, j, e, s, w, unused, NULL, NULL, &none))
 		return c->err.code != WH_OK ? c->err.code : WH_E_IRREGULAR;
 	return WH_OK;
 }
@@ -475,6 +528,9 @@ static void close_job(wh_ctx *c, job *j)
 		wh_free(c, j->scratch[i].xyz);
 		wh_free(c, j->scratch[i].records);
 		wh_free(c, j->scratch[i].ids);
+		wh_free(c, j->scratch[i].uv);
+		wh_free(c, j->scratch[i].face);
+		wh_free(c, j->scratch[i].carried);
 	}
 	wh_free(c, j->elements);
 	wh_free(c, j->scratch);

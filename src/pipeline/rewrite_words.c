@@ -28,7 +28,11 @@ typedef struct reader {
 	const wh_ply_elem *elem; /* what is being read, for messages */
 	uint64_t item;
 	uint64_t *ids; /* corners of the face at hand */
-	size_t ids_cap;
+	size_t ids_cap, n_ids;
+	double *uv; /* texture coordinates of these */
+	size_t uv_cap, n_uv;
+	uint8_t *face, *carried; /* what the face carries; with its corners' */
+	size_t carried_cap;
 	wh_told told;
 	size_t batch;     /* vertices written at a time */
 	double *xyz;      /* of these */
@@ -281,7 +285,7 @@ static wh_code bad_index(wh_ctx *c, const reader *r, uint64_t id)
 	return wh_rewrite_bad_index(c, r->rw, r->elem, r->item, id, place);
 }
 
-static wh_code read_corners(wh_ctx *c, reader *r, wh_facer *f)
+static wh_code read_corners(wh_ctx *c, reader *r)
 {
 	uint64_t n;
 	if (read_length(c, r, &n) != WH_OK ||
@@ -293,7 +297,43 @@ static wh_code read_corners(wh_ctx *c, reader *r, wh_facer *f)
 		if (r->ids[i] >= r->rw->source.nv)
 			return bad_index(c, r, r->ids[i]);
 	}
-	return wh_facer_add(c, f, r->ids, (size_t)n);
+	r->n_ids = (size_t)n;
+	return WH_OK;
+}
+
+static wh_code read_texcoords(wh_ctx *c, reader *r)
+{
+	uint64_t n;
+	if (read_length(c, r, &n) != WH_OK ||
+	    wh_reserve(c, &r->uv, &r->uv_cap, (size_t)n, sizeof *r->uv) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++) {
+		const char *word = next_word(c, r);
+		if (!word)
+			return c->err.code;
+		if (!wh_scan_real(word, &r->uv[i]))
+			return bad_word(c, r, word, "a number");
+	}
+	r->n_uv = (size_t)n;
+	return WH_OK;
+}
+
+/* Adds the face that was read, with what it carries. */
+static wh_code add_face(wh_ctx *c, reader *r, wh_facer *f)
+{
+	const wh_wedges *w = r->rw->wedges;
+	f->carried = NULL;
+	if (w) {
+		uint8_t *to = wh_rewrite_carried(c, r->rw, &r->carried, &r->carried_cap, r->n_ids);
+		if (!to)
+			return c->err.code;
+		for (size_t i = 0; r->n_uv == 2 * r->n_ids && i < r->n_uv; i++)
+			wh_attribute_set(&w->corner.item[i % 2], to + i / 2 * w->corner.bytes,
+			                 r->uv[i]);
+		memcpy(to + r->n_ids * w->corner.bytes, r->face, w->face.bytes);
+		f->carried = to;
+	}
+	return wh_facer_add(c, f, r->ids, r->n_ids);
 }
 
 static wh_code take_when_full(wh_ctx *c, const reader *r, wh_facer *f)
@@ -324,13 +364,20 @@ static wh_code read_strip(wh_ctx *c, reader *r, wh_facer *f)
 
 static wh_code read_face(wh_ctx *c, reader *r, wh_facer *f, bool strip, int list)
 {
+	const wh_wedges *w = strip ? NULL : r->rw->wedges;
+	r->n_uv = 0;
 	for (int i = 0; i < (int)r->elem->nprops; i++) {
-		const wh_code code = i != list ? skip_property(c, r, &r->elem->props[i])
-		                     : strip   ? read_strip(c, r, f)
-		                               : read_corners(c, r, f);
+		const wh_attribute *a = w ? wh_attributes_find(&w->face, i) : NULL;
+		const wh_code code = i == list && strip  ? read_strip(c, r, f)
+		                     : i == list         ? read_corners(c, r)
+		                     : a                 ? read_attribute(c, r, a, r->face)
+		                     : w && i == w->list ? read_texcoords(c, r)
+		                                         : skip_property(c, r, &r->elem->props[i]);
 		if (code != WH_OK)
 			return code;
 	}
+	if (!strip && add_face(c, r, f) != WH_OK)
+		return c->err.code;
 	if (r->rw->ply->open_ended && skip_line(c, r) != WH_OK)
 		return c->err.code;
 	return take_when_full(c, r, f);
@@ -390,12 +437,18 @@ wh_code wh_rewrite_words(wh_ctx *c, wh_rewrite *rw)
 	r.batch = wh_rewrite_batch(rw);
 	r.xyz = wh_alloc(c, r.batch, 3 * sizeof *r.xyz);
 	r.records = wh_alloc(c, r.batch, wh_rewrite_record(rw));
-	wh_code code =
-	    r.text && r.xyz && r.records ? run_pass(c, &r, false, p->vertex) : wh_failed(c);
+	if (rw->wedges)
+		r.face = wh_calloc(c, rw->wedges->face.bytes + 1, 1);
+	wh_code code = r.text && r.xyz && r.records && (r.face || !rw->wedges)
+	                   ? run_pass(c, &r, false, p->vertex)
+	                   : wh_failed(c);
 	if (code == WH_OK)
 		code = wh_rewrite_start_faces(c, rw);
 	if (code == WH_OK)
 		code = run_pass(c, &r, true, p->face > p->strips ? p->face : p->strips);
+	wh_free(c, r.carried);
+	wh_free(c, r.face);
+	wh_free(c, r.uv);
 	wh_free(c, r.ids);
 	wh_free(c, r.records);
 	wh_free(c, r.xyz);

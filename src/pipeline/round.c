@@ -156,8 +156,9 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf, size_t state)
 {
-	return wh_store_scratch_bytes(store, nv, nf) + wh_cluster_bytes(nv, nf, store->attr_bytes) +
-	       (size_t)nv * state + wh_rerun_bytes(nv, store->attr_bytes);
+	return wh_store_scratch_bytes(store, nv, nf) +
+	       wh_cluster_bytes(nv, nf, store->attr_bytes, store->face_bytes) + (size_t)nv * state +
+	       wh_rerun_bytes(nv, store->attr_bytes);
 }
 
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)
@@ -179,6 +180,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	to->coord_bytes = from->coord_bytes;
 	to->vertex_payload = sizeof(float);
 	to->attr_bytes = from->attr_bytes;
+	to->face_bytes = from->face_bytes;
 	to->local_corners = true;
 	wh_progress_phase(progress, "decimate", faces);
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};

@@ -198,6 +198,15 @@ static wh_code get_sums(wh_ctx *c, const wh_scene *s, const bench *b, int64_t in
 	                      (uint64_t)index * CHUNK * 3 * sizeof *b->sum);
 }
 
+/* What face i of the chunk carries lies at the end of its bytes. */
+static bool find_skin(const wh_scene *s, const bench *b, size_t i, wh_skin *skin)
+{
+	const wh_source *src = s->p.source;
+	const size_t end = (i + 1) * src->fstride;
+	return wh_skins_find(s->p.skins, src->wedges,
+	                     (unsigned char *)b->raw + end - src->wedges->bytes, skin);
+}
+
 static wh_code draw_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const wh_scene *s = arg;
@@ -209,6 +218,7 @@ static wh_code draw_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (code != WH_OK)
 		return code;
 	for (size_t i = 0; i < n; i++) {
+		wh_skin skin;
 		const wh_spot *corner[3];
 		const wh_normal_sum *sum[3] = {NULL, NULL, NULL};
 		if (i + AHEAD < n)
@@ -216,7 +226,8 @@ static wh_code draw_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		corners_at(b, i, corner);
 		for (size_t k = 0; k < 3 && s->p.look.smooth; k++)
 			sum[k] = s->windowed ? b->sum + 3 * i + k : s->sum + b->ids[3 * i + k];
-		wh_canvas_face(s->canvas, &s->p.look, corner, sum);
+		const bool skinned = s->p.skins && find_skin(s, b, i, &skin);
+		wh_canvas_face(s->canvas, &s->p.look, corner, sum, skinned ? &skin : NULL);
 	}
 	wh_progress_add(s->progress, n);
 	return WH_OK;

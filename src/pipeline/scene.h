@@ -18,9 +18,11 @@
 #include "io/ply.h"
 #include "io/spill.h"
 #include "pipeline/progress.h"
+#include "pipeline/skins.h"
 
 typedef struct wh_scene_params {
 	const wh_source *source; /* without faces: a cloud of points */
+	const wh_skins *skins;   /* NULL: no textures */
 	wh_look look;    /* its camera is fitted; colours: those of the source's attributes */
 	uint64_t window; /* vertices in memory at a time; 0: all */
 } wh_scene_params;

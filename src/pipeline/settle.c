@@ -31,6 +31,7 @@ static wh_store result_store(const settle *s)
 	                  .coord_bytes = s->from->coord_bytes,
 	                  .vertex_payload = sizeof(float),
 	                  .attr_bytes = s->from->attr_bytes,
+	                  .face_bytes = s->from->face_bytes,
 	                  .local_corners = true,
 	                  .ledger = s->to->ledger};
 }
@@ -162,6 +163,32 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 /* ---- in earnest --------------------------------------------------------------------------- */
 
+/* As on trial, up to the cluster's share. Where faces carry something, collapses cannot be done
+ * again from two vertices alone: they are found again, which gives the same ones. */
+static wh_code find_again(wh_ctx *c, const settle *s, wh_hand *h, uint32_t k,
+                          wh_simplify_result *done)
+{
+	wh_rerun_file name;
+	wh_cluster_params p = {.all = s->params->all};
+	p.all.most_faces = s->share[k].faces;
+	p.all.most_collapses = s->share[k].vertices;
+	*done = (wh_simplify_result){0};
+	wh_code code = WH_OK;
+	if (p.all.most_faces && p.all.most_collapses)
+		code = wh_cluster_reduce(c, h->work, &h->patch, &p, done);
+	wh_spill_remove(s->from->spill, wh_rerun_name(k, name));
+	return code;
+}
+
+static wh_code perform_share(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun *rerun, uint32_t k,
+                             wh_simplify_result *done)
+{
+	const wh_rerun_limit share = {s->share[k].faces, s->share[k].vertices};
+	if (s->from->face_bytes)
+		return find_again(c, s, h, k, done);
+	return wh_rerun_perform(c, rerun, s->from->spill, k, share, &h->patch, done);
+}
+
 static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
@@ -172,9 +199,7 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
-	const wh_rerun_limit share = {s->share[index].faces, s->share[index].vertices};
-	if (wh_rerun_perform(c, &s->rerun[worker], s->from->spill, (uint32_t)index, share,
-	                     &h->patch, &out->work) != WH_OK ||
+	if (perform_share(c, s, h, &s->rerun[worker], (uint32_t)index, &out->work) != WH_OK ||
 	    wh_store_save(c, s->to, (uint32_t)index, &h->patch) != WH_OK)
 		return c->err.code;
 	out->unreferenced = h->scratch.unreferenced;

@@ -13,7 +13,7 @@
 #include <xxhash.h>
 
 enum {
-	VERSION = 3,
+	VERSION = 4,
 	NAME_BYTES = WH_SPILL_NAME,
 	SAVE_BUFFER = 256 * 1024,
 	BATCH = 256,             /* vertices encoded at a time */
@@ -23,7 +23,7 @@ static const char MAGIC[8] = {'W', 'H', 'C', 'L', 'U', 'S', 'T', '1'};
 
 typedef struct header {
 	char magic[8];
-	uint32_t version, id_bytes, coord_bytes, vertex_payload, corner_payload, local_corners;
+	uint32_t version, id_bytes, coord_bytes, vertex_payload, face_bytes, local_corners;
 	uint64_t faces, vertices, checksum;
 	uint32_t attr_bytes, zero;
 } header;
@@ -126,6 +126,7 @@ wh_code wh_store_commit(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store
 		            .id_bytes = s->id_bytes,
 		            .coord_bytes = s->coord_bytes,
 		            .vertex_payload = s->vertex_payload,
+		            .face_bytes = s->face_bytes,
 		            .local_corners = s->local_corners,
 		            .faces = w->faces,
 		            .vertices = w->vertices,
@@ -192,6 +193,8 @@ wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_p
 		return c->err.code;
 	w.faces = p->nf;
 	if (wh_store_append(c, s, cluster, &w, p->tri, 3 * sizeof *p->tri * p->nf) != WH_OK ||
+	    (s->face_bytes &&
+	     wh_store_append(c, s, cluster, &w, p->face, (size_t)p->nf * s->face_bytes) != WH_OK) ||
 	    (s->attr_bytes ? save_with_attributes(c, s, cluster, &w, p)
 	                   : save_vertices(c, s, cluster, &w, p)) != WH_OK) {
 		wh_store_drop(c, &w);
@@ -236,8 +239,8 @@ static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *nam
 	if (memcmp(h->magic, MAGIC, sizeof MAGIC) != 0 || h->version != VERSION ||
 	    h->id_bytes != s->id_bytes || h->coord_bytes != s->coord_bytes ||
 	    h->vertex_payload != s->vertex_payload || h->attr_bytes != s->attr_bytes ||
-	    h->corner_payload != 0 || h->local_corners != s->local_corners || h->zero != 0 ||
-	    h->faces >= UINT32_MAX / 3 || h->vertices >= UINT32_MAX)
+	    h->face_bytes != s->face_bytes || h->local_corners != s->local_corners ||
+	    h->zero != 0 || h->faces >= UINT32_MAX / 3 || h->vertices >= UINT32_MAX)
 		return damaged(c, s, name);
 	return WH_OK;
 }
@@ -436,14 +439,36 @@ static bool copy_faces(const uint8_t *faces, wh_patch *p, uint8_t *used)
 	return ok;
 }
 
+/* The same for faces that carry something. */
+static bool put_carrying_faces(const wh_store *s, const uint8_t *faces, const wh_places *places,
+                               wh_patch *p, uint8_t *used)
+{
+	const size_t size = wh_store_face_bytes(s);
+	bool ok = true;
+	for (uint32_t f = 0; f < p->nf; f++, faces += size) {
+		for (size_t k = 0; k < 3; k++) {
+			uint32_t v;
+			ok &= wh_places_find(places, stored_corner(faces, s->id_bytes, k), &v);
+			p->tri[3 * (size_t)f + k] = v;
+			used[v] = 1;
+		}
+		memcpy(wh_patch_face(p, f), faces + size - s->face_bytes, s->face_bytes);
+	}
+	return ok;
+}
+
 static bool decode_faces(const wh_store *s, const uint8_t *faces, const wh_places *places,
                          wh_patch *p, uint8_t *used)
 {
 	if (p->nv == 0)
 		return p->nf == 0;
 	memset(used, 0, p->nv);
+	if (s->local_corners && s->face_bytes && p->nf)
+		memcpy(p->face, faces + 12 * (size_t)p->nf, (size_t)p->nf * s->face_bytes);
 	if (s->local_corners)
 		return copy_faces(faces, p, used);
+	if (s->face_bytes)
+		return put_carrying_faces(s, faces, places, p, used);
 	if (s->id_bytes == 4 && places->levels == 1)
 		return put_faces(faces, 4, places, 1, p, used);
 	return put_faces(faces, s->id_bytes, places, places->levels, p, used);
@@ -471,6 +496,7 @@ wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_s
 {
 	header h;
 	p->attr_bytes = s->attr_bytes;
+	p->face_bytes = s->face_bytes;
 	if (read_whole(c, s, cluster, scratch, &h) != WH_OK ||
 	    wh_patch_reset(c, p, (uint32_t)h.vertices, (uint32_t)h.faces) != WH_OK)
 		return c->err.code;

@@ -6,18 +6,19 @@
  *
  *     offset  bytes  content
  *          0      8  "WHCLUST1"
- *          8      4  version of the layout: 3
+ *          8      4  version of the layout: 4
  *         12      4  bytes of a global id: 4 or 8
  *         16      4  bytes of a coordinate: 4 or 8
  *         20      4  bytes of the error bound that a vertex carries after its position: 0 or 4
- *         24      4  bytes of payload a face corner carries: 0
+ *         24      4  bytes of what a face and its corners carry (io/wedges.h)
  *         28      4  1: corners are positions in this file's vertex list; 0: global ids
  *         32      8  faces
  *         40      8  vertices
  *         48      8  XXH3 of everything after the header
  *         56      4  bytes of attributes that a vertex carries after that (io/attributes.h)
  *         60      4  zero
- *         64         faces: three corners each
+ *         64         faces: three corners each, with global ids each with what it carries behind
+ *                    it; else all corners, then what all faces carry
  *                    vertices: global id (top bit: cut vertex, next bit: never free so far),
  *                    x, y, z, error bound, attributes
  *
@@ -45,6 +46,7 @@ typedef struct wh_store {
 	uint32_t coord_bytes;    /* 4: positions are floats */
 	uint32_t vertex_payload; /* bytes of the error bound */
 	uint32_t attr_bytes;     /* of a vertex */
+	uint32_t face_bytes;     /* of a face and its corners */
 	bool local_corners;
 	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
 } wh_store;
@@ -83,13 +85,14 @@ static inline size_t wh_store_vertex_bytes(const wh_store *s)
 /* Bytes of a face. */
 static inline size_t wh_store_face_bytes(const wh_store *s)
 {
-	return 3 * (size_t)(s->local_corners ? 4 : s->id_bytes);
+	return 3 * (size_t)(s->local_corners ? 4 : s->id_bytes) + s->face_bytes;
 }
 
 /* The top two bits of a stored id hold flags. */
 enum { WH_STORE_BITS32 = 30, WH_STORE_BITS64 = 62 };
 
-/* Encodes one face with global ids as corners; returns the byte after it. */
+/* Encodes one face with global ids as corners but for what it carries, which comes next; returns
+ * the byte after it. */
 static inline uint8_t *wh_store_put_face(const wh_store *s, uint8_t *at, const uint64_t gid[3])
 {
 	if (s->id_bytes == 4) {

@@ -144,7 +144,7 @@ static size_t hand_bytes(const making *m, uint64_t nv, uint64_t nf)
 {
 	const size_t colour = m->s->tree.layout.coloured ? 3 * sizeof(float) : 0;
 	return wh_store_scratch_bytes(&m->store, nv, nf) +
-	       wh_patch_bytes(nv, nf, m->store.attr_bytes) +
+	       wh_patch_bytes(nv, nf, m->store.attr_bytes, m->store.face_bytes) +
 	       (size_t)nv * (sizeof(uint32_t) + colour) + (size_t)nf * sizeof(wh_face_item) +
 	       out_bytes(m, nv, nf) + pages_of(nf) * sizeof(wh_page_entry) + sizeof(hand);
 }
@@ -155,6 +155,7 @@ static wh_code hands_make(wh_ctx *c, making *m, int workers)
 	for (int i = 0; m->hand && i < workers; i++) {
 		hand *h = &m->hand[i];
 		h->patch.attr_bytes = m->store.attr_bytes;
+		h->patch.face_bytes = m->store.face_bytes;
 		h->items = wh_alloc(c, (size_t)m->max_f, sizeof *h->items);
 		h->entry = wh_alloc(c, pages_of(m->max_f), sizeof *h->entry);
 		if (m->s->tree.layout.coloured)

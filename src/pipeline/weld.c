@@ -17,7 +17,9 @@
 #include "pipeline/weld.h"
 
 #include "base/bytes.h"
+#include "base/rank.h"
 #include "mesh/coincident.h"
+#include "pipeline/bins.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -30,100 +32,7 @@ enum {
 	MOST_RANGES = 2048,
 	BLOCK = 768,       /* records of a bucket's block, ... */
 	RANGE_BLOCK = 256, /* ... and of a range's */
-	WORD = 64,         /* bits */
-	LOT = 8            /* words between two counts of bits */
 };
-
-/* ---- bins: many streams of records in one file -------------------------------------------- */
-
-/* The file behind the bins, perhaps of several workers. */
-typedef struct bin_file {
-	wh_spill *spill;
-	int fd;
-	_Atomic uint64_t end; /* bytes */
-} bin_file;
-
-typedef struct bin {
-	uint64_t *block; /* where its blocks are */
-	size_t blocks, cap;
-	size_t used; /* records in the buffer */
-} bin;
-
-typedef struct bins {
-	bin_file *file;
-	bin *bin;
-	uint32_t n;
-	size_t record, per_block; /* bytes; records */
-	unsigned char *buffer;    /* a block for each bin */
-} bins;
-
-static wh_code bins_open(wh_ctx *c, bins *b, bin_file *file, uint32_t n, size_t record,
-                         size_t per_block)
-{
-	*b = (bins){.file = file, .n = n, .record = record, .per_block = per_block};
-	b->bin = wh_calloc(c, n, sizeof *b->bin);
-	b->buffer = wh_alloc(c, n, record * per_block);
-	return b->bin && b->buffer ? WH_OK : wh_failed(c);
-}
-
-static void bins_close(wh_ctx *c, bins *b)
-{
-	for (uint32_t i = 0; b->bin && i < b->n; i++)
-		wh_free(c, b->bin[i].block);
-	wh_free(c, b->bin);
-	wh_free(c, b->buffer);
-	*b = (bins){0};
-}
-
-static unsigned char *bin_buffer(const bins *b, uint32_t i)
-{
-	return b->buffer + (size_t)i * b->record * b->per_block;
-}
-
-/* Writes the buffer of a bin, whose last block it stays until it is full again. */
-static wh_code bin_write(wh_ctx *c, bins *b, uint32_t i)
-{
-	bin *k = &b->bin[i];
-	const size_t bytes = b->record * b->per_block;
-	if (k->used == 0)
-		return WH_OK;
-	if (wh_reserve(c, &k->block, &k->cap, k->blocks + 1, sizeof *k->block) != WH_OK)
-		return c->err.code;
-	k->block[k->blocks++] = atomic_fetch_add(&b->file->end, bytes);
-	return wh_spill_pwrite(c, b->file->spill, b->file->fd, bin_buffer(b, i),
-	                       k->used * b->record, k->block[k->blocks - 1]);
-}
-
-/* Room for one more record of a bin. NULL on failure. */
-static unsigned char *bin_room(wh_ctx *c, bins *b, uint32_t i)
-{
-	bin *k = &b->bin[i];
-	if (k->used == b->per_block) {
-		if (bin_write(c, b, i) != WH_OK)
-			return NULL;
-		k->used = 0;
-	}
-	return bin_buffer(b, i) + b->record * k->used++;
-}
-
-/* All records are there: writes what is left in the buffers, and frees them. */
-static wh_code bins_end(wh_ctx *c, bins *b)
-{
-	for (uint32_t i = 0; i < b->n; i++)
-		if (bin_write(c, b, i) != WH_OK)
-			return c->err.code;
-	wh_free(c, b->buffer);
-	b->buffer = NULL;
-	return WH_OK;
-}
-
-/* Reads block k of a bin, of which *n records are used. */
-static wh_code bin_read(wh_ctx *c, const bins *b, uint32_t i, size_t k, void *to, size_t *n)
-{
-	const bin *from = &b->bin[i];
-	*n = k + 1 < from->blocks ? b->per_block : from->used;
-	return wh_spill_pread(c, b->file->spill, b->file->fd, to, *n * b->record, from->block[k]);
-}
 
 /* ---- the work ----------------------------------------------------------------------------- */
 
@@ -133,7 +42,7 @@ typedef struct hand {
 	double *xyz;        /* their corners */
 	size_t n;           /* corners */
 	uint32_t *bucket;   /* of each */
-	bins ranges;
+	wh_bins ranges;
 	unsigned char *block;
 	unsigned char *entry; /* different positions of a bucket, with their representatives */
 	size_t entries, entry_cap;
@@ -151,10 +60,9 @@ typedef struct weld {
 	size_t key, id; /* bytes of a position, of a corner's number */
 	uint32_t nbuckets, nranges;
 	uint64_t range; /* corners */
-	bin_file bucket_file, range_file;
-	bins buckets;
-	uint64_t *bits;   /* of the representatives */
-	uint64_t *before; /* bits before each lot of words */
+	wh_bin_file bucket_file, range_file;
+	wh_bins buckets;
+	wh_rank firsts; /* a bit for each representative */
 } weld;
 
 static void put_id(unsigned char *to, uint64_t id, size_t size)
@@ -176,10 +84,11 @@ static uint64_t get_id(const unsigned char *from, size_t size)
 static wh_code check_corner(wh_ctx *c, const weld *w, uint64_t corner, const double *p)
 {
 	for (int k = 0; k < 3; k++)
-		if (!isfinite(p[k]))
+		if (!isfinite(p[k]) && !w->rw->ply->keep_invalid)
 			return wh_fail(c, WH_E_INPUT,
 			               "'%s', facet %" PRIu64 ", corner %d: %c is not a finite "
-			               "number; remove such facets first",
+			               "number; 'reduce --drop-invalid' goes on without such "
+			               "facets",
 			               w->soup->path, corner / 3, (int)(corner % 3), "xyz"[k]);
 	return WH_OK;
 }
@@ -247,7 +156,7 @@ static wh_code scatter_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	const hand *h = &w->hands[worker];
 	const uint64_t first = (uint64_t)index * BATCH * 3;
 	for (size_t i = 0; i < h->n; i++) {
-		unsigned char *to = bin_room(c, &w->buckets, h->bucket[i]);
+		unsigned char *to = wh_bins_room(c, &w->buckets, h->bucket[i]);
 		if (!to)
 			return c->err.code;
 		put_key(to, h->xyz + 3 * i, w->key);
@@ -316,18 +225,17 @@ static wh_code match(wh_ctx *c, const weld *w, hand *h, const unsigned char *rec
 }
 
 /* One record: a bit for a representative, an entry in its range for any other corner. */
-static wh_code match_record(wh_ctx *c, const weld *w, hand *h, const unsigned char *record)
+static wh_code match_record(wh_ctx *c, weld *w, hand *h, const unsigned char *record)
 {
 	const uint64_t id = get_id(record + w->key, w->id);
 	uint64_t rep = 0;
 	if (match(c, w, h, record, &rep) != WH_OK)
 		return c->err.code;
 	if (rep == id) {
-		(void)__atomic_fetch_or(&w->bits[id / WORD], UINT64_C(1) << id % WORD,
-		                        __ATOMIC_RELAXED);
+		wh_rank_set(&w->firsts, id);
 		return WH_OK;
 	}
-	unsigned char *to = bin_room(c, &h->ranges, (uint32_t)(id / w->range));
+	unsigned char *to = wh_bins_room(c, &h->ranges, (uint32_t)(id / w->range));
 	if (!to)
 		return c->err.code;
 	put_id(to, id, w->id);
@@ -337,7 +245,7 @@ static wh_code match_record(wh_ctx *c, const weld *w, hand *h, const unsigned ch
 
 static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
-	const weld *w = arg;
+	weld *w = arg;
 	hand *h = &w->hands[worker];
 	const uint32_t b = (uint32_t)index;
 	h->entries = 0;
@@ -345,39 +253,13 @@ static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		memset(h->slot, 0, h->slots * sizeof *h->slot);
 	for (size_t k = 0; k < w->buckets.bin[b].blocks; k++) {
 		size_t n;
-		if (bin_read(c, &w->buckets, b, k, h->block, &n) != WH_OK)
+		if (wh_bins_read(c, &w->buckets, b, k, h->block, &n) != WH_OK)
 			return c->err.code;
 		for (size_t i = 0; i < n; i++)
 			if (match_record(c, w, h, h->block + i * w->buckets.record) != WH_OK)
 				return c->err.code;
 	}
 	return WH_OK;
-}
-
-/* ---- number ------------------------------------------------------------------------------- */
-
-/* Counts the bits; returns how many there are. */
-static uint64_t count_bits(weld *w)
-{
-	const uint64_t words = w->corners / WORD + 1;
-	uint64_t n = 0;
-	for (uint64_t i = 0; i < words; i++) {
-		if (i % LOT == 0)
-			w->before[i / LOT] = n;
-		n += (uint64_t)__builtin_popcountll(w->bits[i]);
-	}
-	return n;
-}
-
-/* The vertex of a representative: representatives before it. */
-static uint64_t vertex_of(const weld *w, uint64_t rep)
-{
-	const uint64_t word = rep / WORD;
-	uint64_t n = w->before[word / LOT];
-	for (uint64_t i = word / LOT * LOT; i < word; i++)
-		n += (uint64_t)__builtin_popcountll(w->bits[i]);
-	const uint64_t below = (UINT64_C(1) << rep % WORD) - 1;
-	return n + (uint64_t)__builtin_popcountll(w->bits[word] & below);
 }
 
 /* ---- write -------------------------------------------------------------------------------- */
@@ -388,10 +270,10 @@ static wh_code load_range(wh_ctx *c, const weld *w, hand *h, uint32_t k, uint64_
 	for (size_t i = 0; i < n; i++)
 		h->rep[i] = first + i;
 	for (int i = 0; i < w->rw->ex->workers; i++) {
-		const bins *b = &w->hands[i].ranges;
+		const wh_bins *b = &w->hands[i].ranges;
 		for (size_t j = 0; j < b->bin[k].blocks; j++) {
 			size_t got;
-			if (bin_read(c, b, k, j, h->block, &got) != WH_OK)
+			if (wh_bins_read(c, b, k, j, h->block, &got) != WH_OK)
 				return c->err.code;
 			for (size_t m = 0; m < got; m++) {
 				const unsigned char *from = h->block + m * b->record;
@@ -412,14 +294,16 @@ static wh_code write_positions(wh_ctx *c, const weld *w, hand *h, const uint64_t
 			continue;
 		memcpy(h->firsts + 3 * n++, h->xyz + 3 * i, 3 * sizeof *h->xyz);
 	}
-	return n ? wh_rewrite_put_vertices(c, w->rw, vertex_of(w, first), h->firsts, n) : WH_OK;
+	return n ? wh_rewrite_put_vertices(c, w->rw, wh_rank_of(&w->firsts, first), h->firsts, n)
+	         : WH_OK;
 }
 
 static wh_code add_triangles(wh_ctx *c, const weld *w, wh_facer *f, const uint64_t *rep, size_t n)
 {
 	for (size_t i = 0; i < n; i += 3) {
-		const uint64_t ids[3] = {vertex_of(w, rep[i]), vertex_of(w, rep[i + 1]),
-		                         vertex_of(w, rep[i + 2])};
+		const uint64_t ids[3] = {wh_rank_of(&w->firsts, rep[i]),
+		                         wh_rank_of(&w->firsts, rep[i + 1]),
+		                         wh_rank_of(&w->firsts, rep[i + 2])};
 		if (wh_facer_add(c, f, ids, 3) != WH_OK)
 			return c->err.code;
 	}
@@ -469,7 +353,7 @@ static void plan(weld *w)
 	w->nranges = share_out(w->corners, w->range, MOST_RANGES);
 }
 
-static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, bin_file *ranges)
+static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, wh_bin_file *ranges)
 {
 	const size_t record = w->key + w->id, block = BLOCK * record, pair = (size_t)2 * w->id;
 	h->raw = wh_alloc(c, BATCH, w->soup->stride);
@@ -479,40 +363,29 @@ static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, bin_file *ranges)
 	h->firsts = wh_alloc(c, BATCH, 9 * sizeof *h->firsts);
 	if (!h->raw || !h->xyz || !h->bucket || !h->block || !h->firsts)
 		return wh_failed(c);
-	return bins_open(c, &h->ranges, ranges, w->nranges, 2 * w->id, RANGE_BLOCK);
+	return wh_bins_open(c, &h->ranges, ranges, w->nranges, 2 * w->id, RANGE_BLOCK);
 }
 
 static wh_code open_weld(wh_ctx *c, weld *w)
 {
 	wh_spill *spill = w->rw->spill;
-	w->bucket_file = (bin_file){.spill = spill, .fd = wh_spill_scratch(c, spill)};
-	w->range_file = (bin_file){.spill = spill, .fd = wh_spill_scratch(c, spill)};
-	if (w->bucket_file.fd < 0 || w->range_file.fd < 0)
-		return wh_failed(c);
-	const uint64_t words = w->corners / WORD + 1;
-	w->bits = wh_calloc(c, (size_t)words, sizeof *w->bits);
-	w->before = wh_alloc(c, (size_t)(words / LOT + 1), sizeof *w->before);
+	if (wh_bin_file_open(c, &w->bucket_file, spill) != WH_OK ||
+	    wh_bin_file_open(c, &w->range_file, spill) != WH_OK)
+		return c->err.code;
 	w->hands = wh_calloc(c, (size_t)w->rw->ex->workers, sizeof *w->hands);
-	if (!w->bits || !w->before || !w->hands)
+	if (!w->hands || wh_rank_open(c, &w->firsts, w->corners) != WH_OK)
 		return wh_failed(c);
 	for (int i = 0; i < w->rw->ex->workers; i++)
 		if (open_hand(c, w, &w->hands[i], &w->range_file) != WH_OK)
 			return c->err.code;
-	return bins_open(c, &w->buckets, &w->bucket_file, w->nbuckets, w->key + w->id, BLOCK);
-}
-
-static void close_file(bin_file *f)
-{
-	if (f->fd >= 0)
-		wh_spill_close_scratch(f->spill, f->fd);
-	f->fd = -1;
+	return wh_bins_open(c, &w->buckets, &w->bucket_file, w->nbuckets, w->key + w->id, BLOCK);
 }
 
 static void close_weld(wh_ctx *c, weld *w)
 {
 	for (int i = 0; w->hands && i < w->rw->ex->workers; i++) {
 		hand *h = &w->hands[i];
-		bins_close(c, &h->ranges);
+		wh_bins_close(c, &h->ranges);
 		wh_free(c, h->raw);
 		wh_free(c, h->xyz);
 		wh_free(c, h->bucket);
@@ -523,18 +396,17 @@ static void close_weld(wh_ctx *c, weld *w)
 		wh_free(c, h->rep);
 	}
 	wh_free(c, w->hands);
-	wh_free(c, w->bits);
-	wh_free(c, w->before);
-	bins_close(c, &w->buckets);
-	close_file(&w->bucket_file);
-	close_file(&w->range_file);
+	wh_rank_close(c, &w->firsts);
+	wh_bins_close(c, &w->buckets);
+	wh_bin_file_close(&w->bucket_file);
+	wh_bin_file_close(&w->range_file);
 }
 
 /* Tables go, ranges come. */
 static wh_code turn_over(wh_ctx *c, weld *w)
 {
-	bins_close(c, &w->buckets);
-	close_file(&w->bucket_file);
+	wh_bins_close(c, &w->buckets);
+	wh_bin_file_close(&w->bucket_file);
 	for (int i = 0; i < w->rw->ex->workers; i++) {
 		hand *h = &w->hands[i];
 		wh_free(c, h->entry);
@@ -542,7 +414,7 @@ static wh_code turn_over(wh_ctx *c, weld *w)
 		h->entry = NULL;
 		h->slot = NULL;
 		h->rep = wh_alloc(c, (size_t)w->range, sizeof *h->rep);
-		if (!h->rep || bins_end(c, &h->ranges) != WH_OK)
+		if (!h->rep || wh_bins_end(c, &h->ranges) != WH_OK)
 			return wh_failed(c);
 	}
 	return WH_OK;
@@ -553,10 +425,10 @@ static wh_code run(wh_ctx *c, weld *w)
 	const wh_exec *ex = w->rw->ex;
 	const int64_t batches = (int64_t)((w->soup->facets + BATCH - 1) / BATCH);
 	if (wh_exec_ordered(c, ex, batches, scatter_job, scatter_commit, w) != WH_OK ||
-	    bins_end(c, &w->buckets) != WH_OK ||
+	    wh_bins_end(c, &w->buckets) != WH_OK ||
 	    wh_exec_for(c, ex, w->nbuckets, match_job, w) != WH_OK || turn_over(c, w) != WH_OK)
 		return c->err.code;
-	wh_rewrite_set_vertices(w->rw, count_bits(w));
+	wh_rewrite_set_vertices(w->rw, wh_rank_count(&w->firsts));
 	if (wh_rewrite_start_faces(c, w->rw) != WH_OK)
 		return c->err.code;
 	return wh_exec_ordered(c, ex, w->nranges, write_job, write_commit, w);

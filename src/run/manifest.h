@@ -30,7 +30,9 @@
 #include "whittle.h"
 
 #include "algo/simplify.h"
+#include "pipeline/clean.h"
 #include "pipeline/ingest.h"
+#include "pipeline/sift.h"
 #include "pipeline/store.h"
 
 #define WH_MANIFEST_NAME "manifest"
@@ -40,6 +42,9 @@ typedef struct wh_choices {
 	uint64_t faces, vertices, cluster_faces, micro_faces, final_faces;
 	double face_ratio, vertex_ratio, error, error_share;
 	bool ascii, quantize, seams, simplify_topology, fast, lock_boundary;
+	bool drop_invalid, weld, drop_duplicates;
+	double weld_distance, weld_share;
+	uint64_t min_component;
 	uint64_t from, to, packing;             /* formats, as numbers */
 	uint64_t attributes_hash, weights_hash; /* of what was asked for; 0: nothing */
 	uint64_t cost, face_weight, placement, own_hash, levels_hash;
@@ -68,6 +73,8 @@ typedef struct wh_step {
 	/* ingest: */
 	uint64_t input_vertices, input_faces, polygons, degenerate;
 	bool is_double;
+	wh_clean_result clean;
+	wh_sift_result sift;
 	wh_ingest_result ingest;
 	uint64_t cuts, cuts_checksum;
 	/* write: */

@@ -42,8 +42,12 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
 		                 ? 1
 		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	if (wh_input_open_with(r->c, &ex, &r->spill, r->params->input, r->from, rewrite,
-	                       wh_run_attributes(r), &r->input) != WH_OK)
+	const wh_input_how how = {.from = r->from,
+	                          .rewrite = rewrite,
+	                          .attributes = wh_run_wanted(r),
+	                          .rply = r->rply,
+	                          .keep_invalid = r->params->drop_invalid};
+	if (wh_input_open_how(r->c, &ex, &r->spill, r->params->input, &how, &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
@@ -109,6 +113,38 @@ static bool is_kept(const wh_run *r, int prop)
 	       wh_attributes_find(&r->input.attributes, prop);
 }
 
+/* The same of the faces. */
+static bool is_kept_of_faces(const wh_run *r, int prop)
+{
+	return prop == r->input.ply.corners || wh_wedges_has(&r->input.wedges, prop);
+}
+
+/* OBJ files are described twice over: what their faces carry, and what lines they have. */
+static void note_element(wh_run *r, const char *name)
+{
+	const wh_wedges *w = &r->input.wedges;
+	const bool obj = r->input.ply.kind == WH_FORMAT_OBJ;
+	const bool kept =
+	    (strcmp(name, "texture coordinates") == 0 && w->corner.n) ||
+	    (strcmp(name, "materials") == 0 && w->materials && w->face.n) ||
+	    (strcmp(name, "groups") == 0 && w->groups && w->face.n) ||
+	    (strcmp(name, "material libraries") == 0 && r->to == WH_FORMAT_OBJ && w->bytes);
+	if (!obj || !kept)
+		note_dropped(r->report, name);
+}
+
+/* What faces and corners carry, each name by itself. */
+static void note_wedges(wh_reduce_report *t, const wh_wedges *w)
+{
+	if (w->corner.n)
+		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
+	for (uint32_t i = 0; i < w->face.n; i++) {
+		char name[300];
+		(void)snprintf(name, sizeof name, "%.250s of faces", w->face.item[i].name);
+		note_name(t->carried, sizeof t->carried, name);
+	}
+}
+
 /* What is carried over is named with its kind; so is everything else the file holds. */
 void wh_run_list_dropped(wh_run *r)
 {
@@ -116,10 +152,11 @@ void wh_run_list_dropped(wh_run *r)
 	for (size_t i = 0; i < p->nelems; i++) {
 		const wh_ply_elem *e = &p->elems[i];
 		const bool vertex = (int)i == p->vertex, face = (int)i == p->face;
+		const bool obj_face = face && p->kind == WH_FORMAT_OBJ; /* its lines are named */
 		if (!vertex && !face && (int)i != p->strips)
-			note_dropped(r->report, e->name);
-		for (int k = 0; (vertex || face) && k < (int)e->nprops; k++)
-			if (vertex ? !is_kept(r, k) : k != p->corners)
+			note_element(r, e->name);
+		for (int k = 0; (vertex || face) && !obj_face && k < (int)e->nprops; k++)
+			if (vertex ? !is_kept(r, k) : !is_kept_of_faces(r, k))
 				note_property(r->report, e->props[k].name, face);
 	}
 	if (r->params->quantize)
@@ -129,12 +166,24 @@ void wh_run_list_dropped(wh_run *r)
 		note_dropped(r->report, "double precision");
 	for (int kind = 0; kind < WH_KINDS; kind++)
 		note_carried(r->report, &r->input.attributes, (wh_kind)kind);
+	note_wedges(r->report, &r->input.wedges);
+}
+
+/* Of a body that could be used in place, when rply reads it all the same. */
+static uint64_t rply_bytes(const wh_run *r)
+{
+	const wh_source *s = &r->input.source;
+	const uint64_t vertex = (s->is_double ? 24 : 12) + r->input.attributes.bytes;
+	if (!r->rply || s->ffd < 0 || s->ffd != r->input.ply.fd)
+		return 0;
+	return s->nv * vertex + s->nf * (s->nv > UINT32_MAX ? 24 : 12);
 }
 
 static wh_plan make_plan(const wh_run *r)
 {
 	const wh_plan_query q = {.source = r->input.source,
-	                         .rewrite_bytes = wh_input_temp_bytes(&r->input),
+	                         .rewrite_bytes = wh_input_temp_bytes(&r->input) +
+	                                          wh_run_clean_disk(r) + rply_bytes(r),
 	                         .sizes = r->sizes,
 	                         .share = wh_run_share(r),
 	                         .state = wh_run_state_bytes(r),
@@ -178,6 +227,11 @@ wh_code wh_run_refuse_early(wh_run *r)
 {
 	int most = 0;
 	make_plans(r);
+	const size_t cleaning = wh_run_clean_bytes(r);
+	if (cleaning && r->plan.least < cleaning + WH_PLAN_BASE)
+		r->plan.least = cleaning + WH_PLAN_BASE;
+	if (cleaning > wh_run_budget(r))
+		return wh_run_too_small(r, "cleaning the vertices", cleaning);
 	for (int i = 1; i < WH_PLAN_STAGES; i++)
 		if (r->plan.stage[i].need > r->plan.stage[most].need)
 			most = i;
@@ -193,6 +247,9 @@ static wh_code ingest_once(wh_run *r)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
 	r->spill.planned = r->plan.peak_disk;
+	const wh_code cleaned = wh_run_clean_input(r);
+	if (cleaned != WH_OK)
+		return cleaned;
 	wh_ingest_params p = {.clusters = r->plan.clusters,
 	                      .cuts = r->params->seams ? &r->cuts : NULL,
 	                      .digest = r->journaled ? &r->digest : NULL};
@@ -230,6 +287,8 @@ static wh_code ingest_input(wh_run *r)
 		code = ingest_once(r);
 	}
 	if (code == WH_OK)
+		code = wh_run_sift(r);
+	if (code == WH_OK)
 		code = finish_digest(r);
 	if (code == WH_OK)
 		code = wh_input_unchanged(r->c, &r->input);
@@ -250,6 +309,8 @@ static wh_code record_ingest(wh_run *r)
 	                .polygons = r->report->polygons,
 	                .degenerate = r->report->degenerate_faces,
 	                .is_double = r->input.source.is_double,
+	                .clean = r->clean,
+	                .sift = r->sift,
 	                .ingest = r->ingest};
 	return wh_run_keep_seams(r, &step) == WH_OK ? wh_run_record(r, &step) : r->c->err.code;
 }
@@ -262,8 +323,23 @@ static wh_code recall_ingest(wh_run *r, const wh_step *step)
 	r->store = step->store;
 	r->store.spill = &r->spill;
 	r->generations = step->store.generation + 1;
+	r->clean = step->clean;
+	r->sift = step->sift;
 	r->ingest = step->ingest;
 	return wh_run_recall_seams(r, step);
+}
+
+static wh_code nothing_left(wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	if (t->component_faces)
+		return wh_fail(r->c, WH_E_INPUT,
+		               "%s: no component has %llu faces or more: nothing to reduce; lower "
+		               "--min-component",
+		               r->params->input, (unsigned long long)r->params->min_component);
+	return wh_fail(r->c, WH_E_INPUT, "%s: all %llu faces are degenerate%s: nothing to reduce",
+	               r->params->input, (unsigned long long)t->input_faces,
+	               wh_run_tidies(r) ? ", or become so without vertices that go" : "");
 }
 
 wh_code wh_run_ingest(wh_run *r)
@@ -282,6 +358,7 @@ wh_code wh_run_ingest(wh_run *r)
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;
+	wh_run_note_tidied(r);
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
 	t->windows = r->ingest.windows;
@@ -289,9 +366,7 @@ wh_code wh_run_ingest(wh_run *r)
 	t->diagonal = wh_norm(wh_sub(wh_scale(r->ingest.hi, scale), wh_scale(r->ingest.lo, scale)));
 	t->diagonal /= scale;
 	if (r->faces == 0)
-		return wh_fail(r->c, WH_E_INPUT,
-		               "%s: all %llu faces are degenerate: nothing to reduce",
-		               r->params->input, (unsigned long long)t->input_faces);
+		return nothing_left(r);
 	wh_run_limit_error(r);
 	return WH_OK;
 }

@@ -161,6 +161,12 @@ static wh_choices choices_of(const wh_run *r)
 	                    .vertex_ratio = p->vertex_ratio,
 	                    .error = p->error,
 	                    .error_share = p->error_share,
+	                    .drop_invalid = p->drop_invalid,
+	                    .weld = p->weld,
+	                    .weld_distance = p->weld_distance,
+	                    .weld_share = p->weld_share,
+	                    .drop_duplicates = p->drop_duplicates,
+	                    .min_component = p->min_component,
 	                    .ascii = p->ascii,
 	                    .quantize = p->quantize,
 	                    .seams = p->seams != NULL,
@@ -248,8 +254,8 @@ static void note_sums(wh_run *r)
 static wh_code look(wh_run *r)
 {
 	wh_progress_phase(&r->progress, "open", 1);
-	if (wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from,
-	                  wh_run_attributes(r), &r->input) != WH_OK)
+	if (wh_input_look(r->c, &r->exec, &r->spill, r->params->input, r->from, wh_run_wanted(r),
+	                  &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
 	return wh_attributes_weigh(r->c, r->params->input, r->params->weights,

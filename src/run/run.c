@@ -138,7 +138,7 @@ bool wh_run_is_no_smaller(const wh_run *r)
 
 bool wh_run_copies(const wh_run *r)
 {
-	if (r->to != r->input.ply.kind)
+	if (r->to != r->input.ply.kind || wh_run_tidies(r))
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
@@ -150,12 +150,16 @@ uint64_t wh_run_vertices(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
 	return t->input_vertices + t->nonmanifold_split - t->unreferenced_vertices -
+	       t->invalid_vertices - t->welded_vertices - t->component_vertices -
 	       (uint64_t)r->work.vertices;
 }
 
-wh_wanted wh_run_attributes(const wh_run *r)
+wh_wanted wh_run_wanted(const wh_run *r)
 {
-	return (wh_wanted){r->params->attributes, wh_mesh_holds(r->to)};
+	const uint32_t holds = wh_mesh_holds(r->to);
+	/* neither cleaning and sifting nor rply's reader takes along what faces carry */
+	return (wh_wanted){r->params->attributes,
+	                   wh_run_tidies(r) || r->rply ? holds & ~(uint32_t)WH_HOLDS_FACES : holds};
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
@@ -164,7 +168,8 @@ wh_ply_style wh_run_style(const wh_run *r)
 	                      .is_double = r->input.source.is_double,
 	                      .format = r->to,
 	                      .quantize = r->params->quantize,
-	                      .attributes = r->input.source.attributes};
+	                      .attributes = r->input.source.attributes,
+	                      .wedges = r->input.source.wedges};
 }
 
 wh_code wh_run_take_policy(wh_run *r)
@@ -214,6 +219,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	                            .step = r->ingest.step,
 	                            .policy = policy,
 	                            .attributes = r->input.source.attributes,
+	                            .wedges = r->input.source.wedges,
 	                            .attribute_unit = r->report->diagonal * r->ingest.scale / 100};
 }
 

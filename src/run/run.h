@@ -2,6 +2,7 @@
  * run: one reduction in progress, and its stages. Only whittle.c calls them, in their order.
  *
  *     open.c     input, plan, ingest; the copy where there is nothing to do
+ *     tidy.c     what the user wants gone before anything is reduced
  *     seams.c    the cut vertices of the first partition, for those who want to see them
  *     rounds.c   survey, decimate, recut
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
@@ -21,11 +22,13 @@
 
 #include "io/outfile.h"
 #include "mesh/check.h"
+#include "pipeline/clean.h"
 #include "pipeline/ingest.h"
 #include "pipeline/ledger.h"
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
 #include "pipeline/round.h"
+#include "pipeline/sift.h"
 #include "run/manifest.h"
 
 typedef struct wh_run {
@@ -35,6 +38,7 @@ typedef struct wh_run {
 	wh_exec exec;
 	wh_progress progress;
 	wh_spill spill;
+	bool rply;      /* reads the input */
 	wh_format from; /* of the input, where the user says so */
 	wh_format to;   /* of the output */
 	wh_packing packing;
@@ -42,6 +46,8 @@ typedef struct wh_run {
 	wh_input input;
 	bool input_open;
 	bool stitched; /* the patch holds the mesh */
+	wh_clean_result clean;
+	wh_sift_result sift;
 	wh_ingest_result ingest;
 	wh_cut_list cuts;  /* when seams are asked for; its fd is -1 when there is none */
 	wh_outfile *seams; /* NULL: they are not */
@@ -102,8 +108,8 @@ uint64_t wh_run_vertices(const wh_run *r);
 /* Only the files that ingest wrote hold vertices of no face. */
 void wh_run_note_unreferenced(wh_run *r, uint64_t n);
 
-/* The vertex properties to carry, as far as the output has room for them. */
-wh_wanted wh_run_attributes(const wh_run *r);
+/* The properties to carry, as far as the output has room for them. */
+wh_wanted wh_run_wanted(const wh_run *r);
 wh_ply_style wh_run_style(const wh_run *r);
 wh_simplify_params wh_run_engine(const wh_run *r);
 /* Bytes that the engine keeps for a vertex besides its workspace. */
@@ -124,6 +130,20 @@ wh_code wh_run_refuse_early(wh_run *r);
 wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
+
+/* ---- tidy.c ------------------------------------------------------------------------------- */
+
+/* True when something is asked for that changes the mesh before it is reduced. */
+bool wh_run_tidies(const wh_run *r);
+/* Takes invalid and welded vertices out of the input, which then is another file. */
+wh_code wh_run_clean_input(wh_run *r);
+/* Takes copies of faces and small components out of the store. */
+wh_code wh_run_sift(wh_run *r);
+/* What both found, now or in an earlier process, into the report. */
+void wh_run_note_tidied(wh_run *r);
+/* Memory and temporary disk that cleaning takes at least, for the plan. */
+size_t wh_run_clean_bytes(const wh_run *r);
+uint64_t wh_run_clean_disk(const wh_run *r);
 
 /* ---- output.c ----------------------------------------------------------------------------- */
 

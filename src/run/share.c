@@ -89,12 +89,15 @@ static wh_code too_early(wh_run *r)
 
 /* ---- planning ----------------------------------------------------------------------------- */
 
-/* Parts read the file where it lies: what has to be rewritten first, one process ingests. */
+/* Parts read the file where it lies: what has to be rewritten or cleaned first, one process
+ * ingests.
+ */
 bool wh_run_shares_input(const wh_run *r)
 {
 	const wh_input *in = &r->input;
-	return !r->params->seams && !in->unpacked && in->ply.kind == WH_FORMAT_PLY &&
-	       in->source.ffd == in->ply.fd && in->source.vfd == in->ply.fd;
+	return !r->params->seams && !wh_run_tidies(r) && !r->rply && !in->unpacked &&
+	       in->ply.kind == WH_FORMAT_PLY && in->source.ffd == in->ply.fd &&
+	       in->source.vfd == in->ply.fd;
 }
 
 static wh_code scan(wh_run *r)

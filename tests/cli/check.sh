@@ -47,6 +47,29 @@ for want in '"clean": false' '"genus": null' '"degenerate_faces": 1' '"component
 	grep -q "$want" out || fail "no $want in the JSON"
 done
 
+# vertices that are not finite are counted, and left out with their faces; others can be welded
+{
+	header 7 5
+	printf '0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 1.001\nnan 0 1\n1 -inf 0\n'
+	printf '3 0 2 1\n3 0 1 3\n3 0 4 2\n3 1 2 3\n3 1 2 5\n'
+} >invalid.ply
+for memory in 1G 33M; do
+	expect 3 "$WHITTLE" check invalid.ply --strict --memory $memory
+	row vertices 7
+	row 'not finite' 2
+	row faces 5
+	row 'with a vertex not finite' 1
+	row boundary 4
+	row clean no
+	expect 0 "$WHITTLE" check invalid.ply --json --weld 0.01 --memory $memory
+	for want in '"welded_vertices": 1' '"boundary_edges": 0' '"largest_component": 4' '"vertices": 7'; do
+		grep -q "$want" out || fail "no $want in the JSON: $(cat out)"
+	done
+	[ "$(tr -d ' \n' <out | grep -o '"broken":.*')" = '"broken":["nonfinite_vertices"]}' ] ||
+		fail "what is broken: $(cat out)"
+done
+expect 2 "$WHITTLE" check invalid.ply --weld few
+
 # the same words for any number of threads
 "$WHITTLE" generate -q -o sphere.ply --faces 30K || fail "generate"
 expect 0 "$WHITTLE" check --json --threads 1 sphere.ply

@@ -17,7 +17,8 @@
 #   tools     all of these
 #
 # Within algo, one algorithm does not include another (synth_* is one; simplify's parts are named below).
-# OpenMP lives in exec.c, hwloc in topo.c, MPI in ranks.c, libpng in png.c. The library never prints, never ends the process and
+# OpenMP lives in exec.c, hwloc in topo.c, MPI in ranks.c, libpng in png.c, libjpeg in jpeg.c, rply in rply_read.c.
+# The library never prints, never ends the process and
 # keeps no mutable globals: asked of its symbols, so macros and compilers cannot hide it.
 set -euo pipefail
 build=${WHITTLE_BUILD:?the build folder}
@@ -64,7 +65,7 @@ family() {
 	local name=${1##*/}
 	name=${name%%.*}
 	case $name in
-	queue | star | fan | trial | surgery | blend | policy* | smooth) echo simplify ;;
+	queue | star | fan | trial | surgery | blend | wedge | policy* | smooth) echo simplify ;;
 	*) echo "${name%%_*}" ;;
 	esac
 }
@@ -86,7 +87,9 @@ only src/exec/exec.c '^[[:space:]]*#[[:space:]]*pragma omp'
 only src/exec/exec.c '#[[:space:]]*include <omp\.h>'
 only src/exec/topo.c '#[[:space:]]*include <hwloc'
 only src/exec/ranks.c '#[[:space:]]*include <mpi\.h>'
+only src/io/rply_read.c '#[[:space:]]*include <rply\.h>'
 only src/io/png.c '#[[:space:]]*include <png\.h>'
+only src/io/jpeg.c '#[[:space:]]*include <jpeglib\.h>'
 
 # called SYMBOLS...: the library calls one of these
 called() {

@@ -1,0 +1,99 @@
+#include "io/wedges.h"
+
+#include <math.h>
+#include <string.h>
+#include <strings.h>
+
+/* The list with two reals for each corner. */
+static int find_list(const wh_ply *p, const char *wanted)
+{
+	static const char *const names[] = {"texcoord", "texture_coordinates", "texcoords"};
+	const wh_ply_elem *e = &p->elems[p->face];
+	for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+		for (int i = 0; i < (int)e->nprops; i++) {
+			const wh_ply_prop *q = &e->props[i];
+			if (q->is_list && !wh_type_is_integer(q->type) &&
+			    strcasecmp(q->name, names[k]) == 0 &&
+			    wh_attributes_names(wanted, q->name, WH_KIND_TEXTURE))
+				return i;
+		}
+	return -1;
+}
+
+static wh_code describe_corner(wh_ctx *c, const wh_ply *p, wh_wedges *w)
+{
+	static const char *const name[] = {"u", "v"};
+	const wh_type type = p->elems[p->face].props[w->list].type;
+	wh_attributes *a = &w->corner;
+	a->item = wh_calloc(c, 2, sizeof *a->item);
+	if (!a->item)
+		return c->err.code;
+	for (uint32_t k = 0; k < 2; k++) {
+		wh_attribute *item = &a->item[a->n++];
+		*item = (wh_attribute){.name = name[k],
+		                       .type = type,
+		                       .out = type,
+		                       .kind = WH_KIND_TEXTURE,
+		                       .form = type == WH_F32 ? WH_FORM_FLOAT : WH_FORM_DOUBLE,
+		                       .prop = w->list,
+		                       .at = a->bytes};
+		a->bytes += wh_attribute_bytes(item);
+	}
+	a->file_bytes = a->bytes;
+	return WH_OK;
+}
+
+wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_wedges *w)
+{
+	*w = (wh_wedges){.list = -1};
+	if (p->face < 0 || (p->strips >= 0 && p->elems[p->strips].count > 0))
+		return WH_OK;
+	w->list = find_list(p, wanted);
+	if ((w->list >= 0 && describe_corner(c, p, w) != WH_OK) ||
+	    wh_attributes_choose_of(c, p, p->face, (wh_wanted){wanted, WH_HOLDS_ALL}, &w->face) !=
+	        WH_OK)
+		return c->err.code;
+	w->bytes = 3 * w->corner.bytes + w->face.bytes;
+	for (uint32_t i = 0; i < w->face.n; i++)
+		w->labels += w->face.item[i].kind == WH_KIND_LABEL;
+	return WH_OK;
+}
+
+void wh_wedges_free(wh_ctx *c, wh_wedges *w)
+{
+	wh_attributes_free(c, &w->corner);
+	wh_attributes_free(c, &w->face);
+	*w = (wh_wedges){.list = -1};
+}
+
+bool wh_wedges_has(const wh_wedges *w, int prop)
+{
+	return w && ((w->list >= 0 && prop == w->list) || wh_attributes_find(&w->face, prop));
+}
+
+void wh_wedges_no_corner(const wh_wedges *w, uint8_t *corner)
+{
+	for (uint32_t k = 0; k < w->corner.n; k++)
+		wh_attribute_set(&w->corner.item[k], corner, (double)NAN);
+}
+
+bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2])
+{
+	if (w->corner.n == 0)
+		return false;
+	uv[0] = wh_attribute_get(&w->corner.item[0], corner);
+	uv[1] = wh_attribute_get(&w->corner.item[1], corner);
+	return isfinite(uv[0]) && isfinite(uv[1]);
+}
+
+bool wh_wedges_same_face(const wh_wedges *w, const uint8_t *a, const uint8_t *b)
+{
+	const uint8_t *fa = wh_wedges_face(w, a), *fb = wh_wedges_face(w, b);
+	for (uint32_t i = 0; w->labels && i < w->face.n; i++) {
+		const wh_attribute *item = &w->face.item[i];
+		if (item->kind == WH_KIND_LABEL &&
+		    memcmp(fa + item->at, fb + item->at, wh_attribute_bytes(item)) != 0)
+			return false;
+	}
+	return true;
+}

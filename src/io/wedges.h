@@ -1,0 +1,63 @@
+/*
+ * wedges: what faces and their corners carry, beside what vertices do (io/attributes.h).
+ *
+ * A mesh is joined by its positions alone; what belongs to a corner (texture coordinates) or to a
+ * face (material, texture number, colour, flags) may differ from one face to the next. All of it
+ * lies in one record for each face: that of the first corner, of the second, of the third, and that
+ * of the face. The corners of a vertex with equal records are one wedge of it (Hoppe 1999).
+ *
+ *     carried         from                                            new values
+ *     corners' u, v   PLY: a list of reals called texcoord, two for   averaged inside a chart; on
+ *                     each corner; OBJ: vt                            its border always old ones
+ *     faces' labels   whole numbers but those below; OBJ: usemtl, g   a face keeps its own; where
+ *                                                                     they change is a border
+ *     faces' others   reals, colours, quality ... (attributes.h)      a face keeps its own
+ *
+ * A corner without texture coordinates has NaN in their place.
+ */
+#ifndef WH_IO_WEDGES_H
+#define WH_IO_WEDGES_H
+
+#include "io/attributes.h"
+#include "io/names.h"
+
+typedef struct wh_wedges {
+	wh_attributes corner; /* u and v, or nothing */
+	wh_attributes face;
+	uint32_t bytes;  /* of a face's record; 0: nothing is carried */
+	int list;        /* the property of faces that holds u and v; -1: they are not carried */
+	uint32_t labels; /* of the face's attributes */
+	/* what the labels of an OBJ file and the texture numbers of a PLY file stand for, owned by
+	 * others; NULL: nothing of that kind */
+	const wh_names *textures, *materials, *groups, *libraries;
+} wh_wedges;
+
+/* Chooses among the properties of faces and corners of p, which must stay open as long as *w is in
+ * use; `wanted` as for wh_attributes_choose, which is the one to complain about it. */
+wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_wedges *w);
+void wh_wedges_free(wh_ctx *c, wh_wedges *w);
+
+/* A property of faces is carried. `w` may be NULL. */
+bool wh_wedges_has(const wh_wedges *w, int prop);
+
+/* Corner k of a face's record, and the part of the face. */
+static inline uint8_t *wh_wedges_corner(const wh_wedges *w, uint8_t *record, uint32_t k)
+{
+	return record + (size_t)k * w->corner.bytes;
+}
+
+static inline const uint8_t *wh_wedges_face(const wh_wedges *w, const uint8_t *record)
+{
+	return record + 3 * (size_t)w->corner.bytes;
+}
+
+/* A corner without texture coordinates. */
+void wh_wedges_no_corner(const wh_wedges *w, uint8_t *corner);
+
+/* True when a corner has texture coordinates, which go to uv then. */
+bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2]);
+
+/* True when two faces have the same labels. */
+bool wh_wedges_same_face(const wh_wedges *w, const uint8_t *a, const uint8_t *b);
+
+#endif

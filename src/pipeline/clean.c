@@ -1,0 +1,574 @@
+/*
+ * In steps, each a pass in parallel:
+ *
+ *     scan      vertices: which are finite, and the box around them
+ *     near      which of them become which others (pipeline/near), when asked for
+ *     vertices  those that stay are written; their new ids are their ranks among them
+ *     corners   faces, once for each window of ids but the last: corners that became another one
+ *     faces     the same for the last window, and what is left is written
+ *
+ * A window is as many ids as the map from old to new ones has room for in memory; a corner that
+ * stays needs no map. With more than one, what is known of the corners lies on disk between passes,
+ * and chunks of faces that have nothing to do with a window are passed over.
+ */
+#include "pipeline/clean.h"
+
+#include "io/attributes.h"
+#include "pipeline/near.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+	CHUNK = 32 * 1024,          /* vertices or faces a job */
+	WINDOW_LEAST = 1024 * 1024, /* ids, so that there are not very many passes */
+	MOST_WINDOWS = 4096
+};
+
+_Static_assert(CHUNK % WH_RANK_WORD == 0, "no two jobs have bits in one word");
+
+/* Corners whose new id is not known, or never will be. */
+#define PENDING (UINT64_C(1) << 63) /* and the old id: its window has not come yet */
+#define GONE UINT64_MAX             /* the vertex is not finite */
+#define NOT_WELDED UINT64_MAX
+
+/* What one worker needs. */
+typedef struct hand {
+	void *raw;
+	double *xyz;
+	uint8_t *records;
+	uint64_t *ids;
+	unsigned char *out; /* vertices or faces as they are written */
+	size_t out_n;
+	wh_vec3 lo, hi; /* of the chunk at hand; lo > hi: nothing is finite */
+	wh_clean_result found;
+} hand;
+
+typedef struct clean {
+	const wh_source *source;
+	const wh_clean_params *params;
+	wh_progress *progress;
+	wh_spill *spill;
+	wh_clean_result *result;
+	hand *hands;
+	wh_rank kept;
+	wh_vec3 lo, hi;
+	wh_near near;
+	uint64_t window, windows, first; /* first id of the window at hand */
+	uint64_t *map;                   /* old ids of the window to new ones */
+	int corners_fd;                  /* of what is known between windows; -1 */
+	struct span {
+		uint64_t lo, hi; /* of the ids a chunk of faces waits for; lo > hi: none */
+	} * waits;
+	wh_source *out;
+	uint64_t end; /* bytes of the output */
+} clean;
+
+static size_t chunk_items(uint64_t total, int64_t index)
+{
+	const uint64_t left = total - (uint64_t)index * CHUNK;
+	return left < CHUNK ? (size_t)left : CHUNK;
+}
+
+static int64_t chunks_of(uint64_t total)
+{
+	return (int64_t)((total + CHUNK - 1) / CHUNK);
+}
+
+/* ---- scan --------------------------------------------------------------------------------- */
+
+static bool is_finite(const double *p)
+{
+	return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
+}
+
+static wh_code scan_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	clean *k = arg;
+	hand *h = &k->hands[worker];
+	const uint64_t first = (uint64_t)index * CHUNK;
+	const size_t n = chunk_items(k->source->nv, index);
+	h->lo = wh_v3(INFINITY, INFINITY, INFINITY);
+	h->hi = wh_v3(-INFINITY, -INFINITY, -INFINITY);
+	h->found = (wh_clean_result){0};
+	if (wh_source_vertices(c, k->source, first, n, h->xyz, h->raw) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++) {
+		const double *p = h->xyz + 3 * i;
+		if (!is_finite(p)) {
+			h->found.invalid_vertices++;
+			continue;
+		}
+		k->kept.bits[(first + i) / WH_RANK_WORD] |= UINT64_C(1) << i % WH_RANK_WORD;
+		h->lo = wh_lower(h->lo, wh_v3(p[0], p[1], p[2]));
+		h->hi = wh_upper(h->hi, wh_v3(p[0], p[1], p[2]));
+	}
+	return WH_OK;
+}
+
+static wh_code scan_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	(void)c;
+	clean *k = arg;
+	const hand *h = &k->hands[worker];
+	k->lo = wh_lower(k->lo, h->lo);
+	k->hi = wh_upper(k->hi, h->hi);
+	k->result->invalid_vertices += h->found.invalid_vertices;
+	wh_progress_add(k->progress, chunk_items(k->source->nv, index));
+	return WH_OK;
+}
+
+static wh_code scan(wh_ctx *c, const wh_exec *ex, clean *k)
+{
+	k->lo = wh_v3(INFINITY, INFINITY, INFINITY);
+	k->hi = wh_v3(-INFINITY, -INFINITY, -INFINITY);
+	wh_progress_phase(k->progress, "clean", k->source->nv);
+	if (wh_rank_open(c, &k->kept, k->source->nv) != WH_OK)
+		return c->err.code;
+	k->result->bytes_read += k->source->nv * k->source->vstride;
+	return wh_exec_ordered(c, ex, chunks_of(k->source->nv), scan_job, scan_commit, k);
+}
+
+/* ---- weld --------------------------------------------------------------------------------- */
+
+static wh_code weld(wh_ctx *c, const wh_exec *ex, clean *k)
+{
+	const double share = k->params->distance_share;
+	const wh_vec3 half = wh_sub(wh_scale(k->hi, 0.5), wh_scale(k->lo, 0.5));
+	wh_near_params p = {.distance = k->params->distance,
+	                    .lo = k->lo,
+	                    .hi = k->hi,
+	                    .window = k->window,
+	                    .bucket = k->params->bucket};
+	if (share > 0)
+		p.distance = fmax(p.distance, 2 * share * wh_norm(half));
+	k->result->distance = p.distance;
+	k->result->bytes_read += k->source->nv * k->source->vstride;
+	return wh_near_find(c, ex, k->progress, k->spill, k->source, &p, &k->kept, &k->near);
+}
+
+/* ---- vertices ----------------------------------------------------------------------------- */
+
+static unsigned char *put_position(const wh_source *out, unsigned char *to, const double *p)
+{
+	const float narrow[3] = {(float)p[0], (float)p[1], (float)p[2]};
+	if (out->is_double)
+		memcpy(to, p, 3 * sizeof *p);
+	else
+		memcpy(to, narrow, sizeof narrow);
+	return to + out->vstride;
+}
+
+/* Those of a chunk that stay lie side by side in the output, and so do their attributes. */
+static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const clean *k = arg;
+	hand *h = &k->hands[worker];
+	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&k->kept, first);
+	const size_t n = chunk_items(k->source->nv, index);
+	const size_t record = k->out->attributes ? k->out->attributes->bytes : 0;
+	unsigned char *to = h->out;
+	size_t stay = 0;
+	wh_progress_add(k->progress, n);
+	if (wh_source_vertices(c, k->source, first, n, h->xyz, h->raw) != WH_OK ||
+	    (record && wh_source_attributes(c, k->source, first, n, h->records, h->raw) != WH_OK))
+		return c->err.code;
+	for (size_t i = 0; i < n; i++) {
+		if (!wh_rank_get(&k->kept, first + i))
+			continue;
+		to = put_position(k->out, to, h->xyz + 3 * i);
+		if (record && stay != i)
+			memmove(h->records + stay * record, h->records + i * record, record);
+		stay++;
+	}
+	if (wh_spill_pwrite(c, k->spill, k->out->vfd, h->out, stay * k->out->vstride,
+	                    at * k->out->vstride) != WH_OK)
+		return c->err.code;
+	return record ? wh_spill_pwrite(c, k->spill, k->out->vfd, h->records, stay * record,
+	                                k->out->abase + at * record)
+	              : WH_OK;
+}
+
+/* How the output is laid out, given how many vertices stay. */
+static void lay_out(clean *k, uint64_t nv, int fd)
+{
+	const wh_source *s = k->source;
+	wh_source *o = k->out;
+	*o = (wh_source){.path = s->path,
+	                 .nv = nv,
+	                 .vfd = fd,
+	                 .is_double = s->is_double,
+	                 .attributes = s->attributes,
+	                 .afd = fd,
+	                 .ffd = fd,
+	                 .count_off = -1,
+	                 .itype = nv > UINT32_MAX ? WH_U64 : WH_U32};
+	const wh_type type = s->is_double ? WH_F64 : WH_F32;
+	for (uint32_t i = 0; i < 3; i++) {
+		o->vtype[i] = type;
+		o->voff[i] = i * wh_type_size(type);
+	}
+	o->vstride = 3 * wh_type_size(type);
+	o->abase = nv * o->vstride;
+	o->fbase = o->abase + nv * (s->attributes ? s->attributes->bytes : 0);
+	o->fstride = 3 * wh_type_size(o->itype);
+	k->end = o->fbase;
+}
+
+static wh_code write_vertices(wh_ctx *c, const wh_exec *ex, clean *k, int fd)
+{
+	lay_out(k, wh_rank_of(&k->kept, k->source->nv), fd);
+	wh_progress_phase(k->progress, "clean vertices", k->source->nv);
+	k->result->bytes_read += k->source->nv * k->source->vstride;
+	return wh_exec_for(c, ex, chunks_of(k->source->nv), vertex_job, k);
+}
+
+/* ---- corners ------------------------------------------------------------------------------ */
+
+static void take_pairs(void *arg, const wh_near_pair *pairs, size_t n)
+{
+	const clean *k = arg;
+	for (size_t i = 0; i < n; i++)
+		k->map[pairs[i].id - k->first] = wh_rank_of(&k->kept, pairs[i].as);
+}
+
+static wh_code load_window(wh_ctx *c, clean *k, uint64_t w)
+{
+	k->first = w * k->window;
+	if (!k->params->weld)
+		return WH_OK;
+	for (uint64_t i = 0; i < k->window; i++)
+		k->map[i] = NOT_WELDED;
+	return wh_near_pairs(c, &k->near, w, take_pairs, k);
+}
+
+/* What is known of a corner in the window at hand. */
+static uint64_t resolve(const clean *k, uint64_t id)
+{
+	if (wh_rank_get(&k->kept, id))
+		return wh_rank_of(&k->kept, id);
+	if (!k->params->weld)
+		return GONE;
+	if (id - k->first >= k->window) /* before it, too */
+		return PENDING | id;
+	return k->map[id - k->first];
+}
+
+static bool is_degenerate(const uint64_t *t)
+{
+	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+}
+
+/* Takes degenerate faces out, moving up those behind them; returns how many are left. */
+static size_t drop_degenerate(uint64_t *ids, size_t n)
+{
+	size_t left = 0;
+	for (size_t i = 0; i < n; i++) {
+		if (is_degenerate(ids + 3 * i))
+			continue;
+		if (left != i)
+			memmove(ids + 3 * left, ids + 3 * i, 3 * sizeof *ids);
+		left++;
+	}
+	return left;
+}
+
+/* Faces of a chunk for the first time: those that are triangles. */
+static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t *n)
+{
+	const size_t all = chunk_items(k->source->nf, index);
+	const wh_code code =
+	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, all, h->ids, h->raw);
+	if (code != WH_OK)
+		return code;
+	*n = drop_degenerate(h->ids, all);
+	h->found.degenerate_faces = all - *n;
+	for (size_t i = 0; i < 3 * *n; i++)
+		h->ids[i] = resolve(k, h->ids[i]);
+	return WH_OK;
+}
+
+/* What is known of a chunk's corners lies at its place, and how many faces that are before it. */
+static uint64_t corners_at(int64_t index)
+{
+	return (uint64_t)index * (CHUNK * 3 + 2) * sizeof(uint64_t);
+}
+
+static wh_code read_corners(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t *n)
+{
+	uint64_t head[2];
+	if (wh_spill_pread(c, k->spill, k->corners_fd, head, sizeof head, corners_at(index)) !=
+	        WH_OK ||
+	    wh_spill_pread(c, k->spill, k->corners_fd, h->ids, head[0] * 3 * sizeof *h->ids,
+	                   corners_at(index) + sizeof head) != WH_OK)
+		return c->err.code;
+	*n = (size_t)head[0];
+	h->found.degenerate_faces = head[1];
+	for (size_t i = 0; i < 3 * *n; i++)
+		if (h->ids[i] != GONE && h->ids[i] & PENDING)
+			h->ids[i] = resolve(k, h->ids[i] & ~PENDING);
+	return WH_OK;
+}
+
+static wh_code write_corners(wh_ctx *c, const clean *k, const hand *h, int64_t index, size_t n)
+{
+	const uint64_t head[2] = {n, h->found.degenerate_faces};
+	struct span *s = &k->waits[index];
+	*s = (struct span){UINT64_MAX, 0};
+	for (size_t i = 0; i < 3 * n; i++) {
+		if (h->ids[i] == GONE || !(h->ids[i] & PENDING))
+			continue;
+		const uint64_t id = h->ids[i] & ~PENDING;
+		s->lo = id < s->lo ? id : s->lo;
+		s->hi = id > s->hi ? id : s->hi;
+	}
+	if (wh_spill_pwrite(c, k->spill, k->corners_fd, head, sizeof head, corners_at(index)) !=
+	    WH_OK)
+		return c->err.code;
+	return wh_spill_pwrite(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
+	                       corners_at(index) + sizeof head);
+}
+
+static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const clean *k = arg;
+	hand *h = &k->hands[worker];
+	size_t n = 0;
+	wh_progress_add(k->progress, chunk_items(k->source->nf, index));
+	if (k->first > 0 &&
+	    (k->waits[index].hi < k->first || k->waits[index].lo >= k->first + k->window))
+		return WH_OK;
+	const wh_code code =
+	    k->first == 0 ? read_faces(c, k, h, index, &n) : read_corners(c, k, h, index, &n);
+	return code == WH_OK ? write_corners(c, k, h, index, n) : code;
+}
+
+/* ---- faces -------------------------------------------------------------------------------- */
+
+static void put_face(const wh_source *out, unsigned char *to, const uint64_t *t)
+{
+	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
+	if (out->itype == WH_U32)
+		memcpy(to, narrow, sizeof narrow);
+	else
+		memcpy(to, t, 3 * sizeof *t);
+}
+
+static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const clean *k = arg;
+	hand *h = &k->hands[worker];
+	size_t n = 0;
+	h->found = (wh_clean_result){0};
+	const wh_code code =
+	    k->windows == 1 ? read_faces(c, k, h, index, &n) : read_corners(c, k, h, index, &n);
+	if (code != WH_OK)
+		return code;
+	h->out_n = 0;
+	for (size_t i = 0; i < n; i++) {
+		const uint64_t *t = h->ids + 3 * i;
+		if (t[0] == GONE || t[1] == GONE || t[2] == GONE)
+			h->found.invalid_faces++;
+		else if (is_degenerate(t))
+			h->found.collapsed_faces++;
+		else
+			put_face(k->out, h->out + h->out_n++ * k->out->fstride, t);
+	}
+	return WH_OK;
+}
+
+static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	clean *k = arg;
+	const hand *h = &k->hands[worker];
+	const size_t bytes = h->out_n * k->out->fstride;
+	k->result->invalid_faces += h->found.invalid_faces;
+	k->result->degenerate_faces += h->found.degenerate_faces;
+	k->result->collapsed_faces += h->found.collapsed_faces;
+	k->out->nf += h->out_n;
+	k->end += bytes;
+	wh_progress_add(k->progress, chunk_items(k->source->nf, index));
+	return wh_spill_pwrite(c, k->spill, k->out->ffd, h->out, bytes, k->end - bytes);
+}
+
+static wh_code open_windows(wh_ctx *c, clean *k)
+{
+	if (k->params->weld) {
+		k->map = wh_alloc(c, (size_t)k->window, sizeof *k->map);
+		if (!k->map)
+			return wh_failed(c);
+	}
+	if (k->windows == 1)
+		return WH_OK;
+	k->waits = wh_alloc(c, (size_t)chunks_of(k->source->nf), sizeof *k->waits);
+	k->corners_fd = wh_spill_scratch(c, k->spill);
+	return k->waits && k->corners_fd >= 0 ? WH_OK : wh_failed(c);
+}
+
+static wh_code write_faces(wh_ctx *c, const wh_exec *ex, clean *k)
+{
+	const int64_t chunks = chunks_of(k->source->nf);
+	if (open_windows(c, k) != WH_OK)
+		return c->err.code;
+	wh_progress_phase(k->progress, "clean faces", k->windows * k->source->nf);
+	k->result->bytes_read += k->source->nf * k->source->fstride;
+	for (uint64_t w = 0; w < k->windows; w++) {
+		if (load_window(c, k, w) != WH_OK)
+			return c->err.code;
+		const wh_code code = w + 1 < k->windows
+		                         ? wh_exec_for(c, ex, chunks, corners_job, k)
+		                         : wh_exec_ordered(c, ex, chunks, face_job, face_commit, k);
+		if (code != WH_OK)
+			return code;
+	}
+	return WH_OK;
+}
+
+/* ---- memory ------------------------------------------------------------------------------- */
+
+static size_t hand_bytes(const wh_source *s)
+{
+	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
+	const size_t record = s->attributes ? s->attributes->bytes : 0;
+	return (v > f ? v : f) + CHUNK * (24 + record + 24 + 24);
+}
+
+static size_t window_bytes(const wh_source *s, const wh_clean_params *p, uint64_t window)
+{
+	return (p->weld ? (size_t)window * sizeof(uint64_t) : 0) +
+	       (window < s->nv ? (size_t)chunks_of(s->nf) * sizeof(struct span) : 0);
+}
+
+static uint64_t least_window(const wh_source *s)
+{
+	const uint64_t share = s->nv / MOST_WINDOWS + 1;
+	const uint64_t least = share > WINDOW_LEAST ? share : WINDOW_LEAST;
+	return least < s->nv ? least : s->nv + 1;
+}
+
+/* Near vertices are looked for before the map is made. */
+static size_t bytes_of(const wh_source *s, const wh_clean_params *p, int workers, uint64_t window)
+{
+	const size_t near = p->weld ? wh_near_bytes(s, workers, s->nv / window + 1) : 0;
+	const size_t map = window_bytes(s, p, window);
+	return wh_rank_bytes(s->nv) + (size_t)workers * hand_bytes(s) + (near > map ? near : map) +
+	       4096;
+}
+
+size_t wh_clean_bytes(const wh_source *source, const wh_clean_params *params, int workers)
+{
+	return bytes_of(source, params, workers, least_window(source));
+}
+
+uint64_t wh_clean_disk(const wh_source *s, const wh_clean_params *params)
+{
+	const uint64_t vertex =
+	    (s->is_double ? 24 : 12) + (s->attributes ? s->attributes->bytes : 0);
+	const uint64_t result = s->nv * vertex + s->nf * (s->nv > UINT32_MAX ? 24 : 12);
+	const uint64_t corners = s->nf * 24;
+	const uint64_t near = params->weld ? wh_near_disk(s) : 0;
+	return result + (near > corners || !params->weld ? near : corners);
+}
+
+/* As many workers as fit, then as large a window: they decide nothing else. */
+static wh_code fit(wh_ctx *c, clean *k, size_t budget, wh_exec *ex)
+{
+	const wh_source *s = k->source;
+	while (ex->workers > 1 && wh_clean_bytes(s, k->params, ex->workers) > budget)
+		ex->workers--;
+	const size_t least = wh_clean_bytes(s, k->params, ex->workers);
+	if (least > budget)
+		return wh_fail(c, WH_E_PLAN,
+		               "cleaning the vertices of '%s' takes %zu MiB of memory, and there "
+		               "are %zu: raise --memory",
+		               s->path, (least >> 20) + 1, budget >> 20);
+	k->window = k->params->window ? k->params->window : s->nv + 1;
+	while (k->window > least_window(s) &&
+	       bytes_of(s, k->params, ex->workers, k->window) > budget)
+		k->window = k->window / 2 > least_window(s) ? k->window / 2 : least_window(s);
+	k->windows = k->params->weld ? s->nv / k->window + 1 : 1;
+	return WH_OK;
+}
+
+static wh_code open_hands(wh_ctx *c, clean *k, int workers)
+{
+	const wh_source *s = k->source;
+	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
+	k->hands = wh_calloc(c, (size_t)workers, sizeof *k->hands);
+	for (int i = 0; k->hands && i < workers; i++) {
+		hand *h = &k->hands[i];
+		h->raw = wh_alloc(c, v > f ? v : f, 1);
+		h->xyz = wh_alloc(c, CHUNK, 3 * sizeof *h->xyz);
+		if (s->attributes)
+			h->records = wh_alloc(c, CHUNK, s->attributes->bytes);
+		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
+		h->out = wh_alloc(c, CHUNK, 3 * sizeof(double));
+	}
+	return c->err.code;
+}
+
+static void close_all(wh_ctx *c, clean *k, int workers)
+{
+	for (int i = 0; k->hands && i < workers; i++) {
+		hand *h = &k->hands[i];
+		wh_free(c, h->raw);
+		wh_free(c, h->xyz);
+		wh_free(c, h->records);
+		wh_free(c, h->ids);
+		wh_free(c, h->out);
+	}
+	wh_free(c, k->hands);
+	wh_free(c, k->map);
+	wh_free(c, k->waits);
+	wh_rank_close(c, &k->kept);
+	wh_near_close(c, &k->near);
+	if (k->corners_fd >= 0)
+		wh_spill_close_scratch(k->spill, k->corners_fd);
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+static wh_code rebuild(wh_ctx *c, const wh_exec *ex, clean *k, int *fd)
+{
+	*fd = wh_spill_scratch(c, k->spill);
+	if (*fd < 0)
+		return wh_failed(c);
+	wh_code code = write_vertices(c, ex, k, *fd);
+	k->result->welded_vertices = k->source->nv - k->result->invalid_vertices - k->out->nv;
+	if (code == WH_OK)
+		code = write_faces(c, ex, k);
+	if (code == WH_OK)
+		return WH_OK;
+	wh_spill_close_scratch(k->spill, *fd);
+	*fd = -1;
+	return code;
+}
+
+wh_code wh_clean(wh_ctx *c, const wh_exec *ex, wh_progress *progress, wh_spill *spill,
+                 const wh_source *source, const wh_clean_params *params, size_t budget,
+                 wh_source *out, int *fd, wh_clean_result *result)
+{
+	clean k = {.source = source,
+	           .params = params,
+	           .progress = progress,
+	           .spill = spill,
+	           .result = result,
+	           .near = {.file = {.fd = -1}},
+	           .corners_fd = -1,
+	           .out = out};
+	wh_exec own = *ex;
+	*result = (wh_clean_result){0};
+	*out = *source;
+	*fd = -1;
+	if (fit(c, &k, budget, &own) != WH_OK)
+		return c->err.code;
+	wh_code code = open_hands(c, &k, own.workers);
+	if (code == WH_OK)
+		code = scan(c, &own, &k);
+	if (code == WH_OK && params->weld && result->invalid_vertices < source->nv)
+		code = weld(c, &own, &k);
+	if (code == WH_OK && wh_rank_count(&k.kept) < source->nv)
+		code = rebuild(c, &own, &k, fd);
+	close_all(c, &k, own.workers);
+	return code;
+}

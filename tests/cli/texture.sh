@@ -1,0 +1,209 @@
+# Texture coordinates, materials and other things of faces and corners, from the command.
+. "$(dirname "$0")/lib.sh"
+command -v python3 >/dev/null || {
+	echo "skipped: no python3"
+	exit 77
+}
+
+# atlas.py make N FORMAT FILE: a ball of six charts of N x N squares, with two materials
+# atlas.py look FILE: what became of it: triangles turned over in the texture, corners outside their
+# chart, corners on borders that the file did not have, faces of a wrong material, open edges
+cat >atlas.py <<'END'
+import math, struct, sys
+SIDES = (((1,0,0),(0,1,0),(0,0,1)), ((-1,0,0),(0,0,1),(0,1,0)), ((0,1,0),(0,0,1),(1,0,0)),
+         ((0,-1,0),(1,0,0),(0,0,1)), ((0,0,1),(1,0,0),(0,1,0)), ((0,0,-1),(0,1,0),(1,0,0)))
+f32 = lambda x: struct.unpack("f", struct.pack("f", x))[0]
+
+def chart(f):
+    return f % 3 / 3 + 0.02, f // 3 / 2 + 0.02, 1 / 3 - 0.04, 1 / 2 - 0.04
+
+def ball(n):
+    known, places, faces = {}, [], []
+    def vertex(p):
+        key = tuple(round(x * 1e9) for x in p)
+        if key not in known:
+            known[key] = len(places)
+            length = math.sqrt(sum(x * x for x in p))
+            q = [x / length for x in p]
+            r = 1 + 0.05 * math.sin(7 * q[0]) * math.sin(9 * q[1] + 2) * math.sin(8 * q[2] + 1)
+            places.append([f32(round(r * x, 6)) for x in q])
+        return known[key]
+    for f, (out, a, b) in enumerate(SIDES):
+        u, v, su, sv = chart(f)
+        def corner(i, j):
+            s, t = (math.tan((2 * x / n - 1) * math.pi / 4) for x in (i, j))
+            return vertex([out[k] + s * a[k] + t * b[k] for k in range(3)]), \
+                (f32(round(u + su * i / n, 6)), f32(round(v + sv * j / n, 6)))
+        for j in range(n):
+            for i in range(n):
+                q = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]
+                faces.append((f, (q[0], q[1], q[2])))
+                faces.append((f, (q[0], q[2], q[3])))
+    return places, faces
+
+def make(n, form, path):
+    places, faces = ball(n)
+    if form == "obj":
+        with open(path, "w") as o:
+            o.write("mtllib some ball.mtl\n" + "".join("v %.6f %.6f %.6f\n" % tuple(p) for p in places))
+            vt = {}
+            for f, corners in faces: # each chart has its own
+                for v, uv in corners:
+                    if (f, uv) not in vt:
+                        vt[f, uv] = len(vt) + 1
+                        o.write("vt %.6f %.6f 0\n" % uv)
+            last, count, total = -1, len(places), len(vt)
+            for i, (f, corners) in enumerate(faces):
+                if f != last:
+                    o.write("g side %d\nusemtl %s\n" % (f, "skin" if f < 3 else "old bone"))
+                last = f
+                at = [(v + 1, vt[f, uv]) for v, uv in corners]
+                if i % 3 == 0: # counted back
+                    at = [(v - count - 1, t - total - 1) for v, t in at]
+                o.write("f " + " ".join("%d/%d" % x for x in at) + "\n")
+        return
+    head = "ply\nformat %s 1.0\ncomment TextureFile a b.png\ncomment TextureFile c.png\n" \
+        "element vertex %d\nproperty float x\nproperty float y\nproperty float z\n" \
+        "element face %d\nproperty uchar red\nproperty list uchar int vertex_indices\n" \
+        "property list uchar float texcoord\nproperty int texnumber\nend_header\n" % (
+            "ascii" if form == "text" else "binary_little_endian", len(places), len(faces))
+    with open(path, "wb") as o:
+        o.write(head.encode())
+        for p in places:
+            o.write(("%.9g %.9g %.9g\n" % tuple(p)).encode() if form == "text" else struct.pack("<3f", *p))
+        for f, c in faces:
+            uv = [x for _, t in c for x in t]
+            ids = [v for v, _ in c]
+            if form == "text":
+                o.write(("%d 3 %d %d %d 6 " % (40 * f, *ids) + " ".join("%.9g" % x for x in uv) + " %d\n" % (f // 3)).encode())
+            else:
+                o.write(struct.pack("<BB3iB6fi", 40 * f, 3, *ids, 6, *uv, f // 3))
+
+def load_obj(path):
+    places, vt, faces, label = [], [], [], [None, None]
+    for line in open(path):
+        w = line.split(None, 1)
+        if w[0] == "v": places.append(tuple(map(float, w[1].split())))
+        elif w[0] == "vt": vt.append(tuple(f32(float(x)) for x in w[1].split()[:2]))
+        elif w[0] == "usemtl": label[0] = ("skin", "old bone").index(w[1].strip())
+        elif w[0] == "g": label[1] = int(w[1].split()[1])
+        elif w[0] == "f":
+            c = [x.split("/") for x in w[1].split()]
+            faces.append(([int(x[0]) - 1 for x in c], [vt[int(x[1]) - 1] for x in c], *label))
+    return places, faces
+
+def load_ply(path):
+    data = open(path, "rb").read()
+    end = data.index(b"end_header\n") + 11
+    head = data[:end].decode().split("\n")
+    assert "comment TextureFile a b.png" in head and "comment TextureFile c.png" in head, head
+    nv, nf = (int(l.split()[2]) for l in head if l.startswith("element"))
+    places = [struct.unpack_from("<3f", data, end + 12 * i) for i in range(nv)]
+    at, faces = end + 12 * nv, []
+    for i in range(nf):
+        n, a, b, c, m, *uv, red, number = struct.unpack_from("<B3iB6fBi", data, at)
+        at += struct.calcsize("<B3iB6fBi")
+        assert n == 3 and m == 6 and red % 40 == 0
+        faces.append(([a, b, c], [tuple(uv[2 * k:2 * k + 2]) for k in range(3)], number, red // 40))
+    assert at == len(data)
+    return places, faces
+
+def look(path, n):
+    places, faces = (load_obj if path.endswith("obj") else load_ply)(path)
+    old = {(f, uv) for f, c in ball(n)[1] for _, uv in c}
+    turned = outside = wrong = fresh = 0
+    edges, wedges = {}, {}
+    for ids, uv, label, side in faces:
+        (a, b), (c, d), (g, h) = uv
+        turned += (c - a) * (h - b) - (d - b) * (g - a) <= 0
+        u, v, su, sv = chart(side)
+        outside += any(not (u - 1e-6 <= x <= u + su + 1e-6 and v - 1e-6 <= y <= v + sv + 1e-6) for x, y in uv)
+        wrong += label != side // 3
+        for k in range(3):
+            wedges.setdefault(ids[k], set()).add((side, uv[k]))
+            e = tuple(sorted((places[ids[k]], places[ids[(k + 1) % 3]])))
+            edges[e] = edges.get(e, 0) + 1
+    borders = [w for w in wedges.values() if len(w) > 1]
+    fresh = sum(not w <= old for w in borders)
+    print(len(faces), "faces", turned, "turned", outside, "outside", wrong, "wrong", fresh, "fresh",
+          sum(c != 2 for c in edges.values()), "open;", len(borders) > 20, len({f[3] for f in faces}))
+
+if sys.argv[1] == "make": make(int(sys.argv[2]), sys.argv[3], sys.argv[4])
+else: look(sys.argv[2], int(sys.argv[3]))
+END
+
+# looks FILE FACES: whole, its charts too
+looks() {
+	expect 0 python3 atlas.py look "$1" 24
+	grep -qx "$2 faces 0 turned 0 outside 0 wrong 0 fresh 0 open; True 6" out || fail "$1: $(cat out)"
+}
+
+python3 atlas.py make 24 obj ball.obj || fail "make"
+python3 atlas.py make 24 binary ball.ply || fail "make"
+python3 atlas.py make 24 text text.ply || fail "make"
+
+# all in one piece; in micro-clusters and clusters; streamed. Threads and memory change nothing
+pieces=(--cluster-faces 2000 --micro-faces 500 --final-faces 3000)
+streamed=(--cluster-faces 1000 --final-faces 400)
+for input in ball.obj ball.ply; do
+	kind=${input#ball.}
+	expect 0 "$WHITTLE" reduce $input -o one.$kind --faces 10%
+	grep -q 'carried over: texture coordinates of corners' out || fail "not named: $(cat out)"
+	! grep -q 'not carried' out || fail "left behind: $(cat out)"
+	looks one.$kind 690
+	expect 0 "$WHITTLE" reduce -q $input -o pieces.$kind --faces 10% "${pieces[@]}" --threads 2
+	looks pieces.$kind 690
+	expect 0 "$WHITTLE" reduce -q $input -o again.$kind --faces 10% "${pieces[@]}" --threads 1 --memory 48M
+	cmp -s pieces.$kind again.$kind || fail "threads or memory changed the bytes of $kind"
+	expect 0 "$WHITTLE" reduce -q $input -o streamed.$kind --faces 20% "${streamed[@]}" --threads 2
+	looks streamed.$kind 1382
+	expect 0 "$WHITTLE" reduce -q $input -o again.$kind -f --faces 20% "${streamed[@]}" --threads 1
+	cmp -s streamed.$kind again.$kind || fail "threads changed the bytes of a streamed $kind"
+done
+grep -qx 'mtllib some ball.mtl' one.obj || fail "the library of materials is gone"
+
+# text says the same as binary; what is left out on request
+expect 0 "$WHITTLE" reduce -q text.ply -o from-text.ply --faces 10%
+cmp -s one.ply from-text.ply || fail "text gives another result than binary"
+expect 0 "$WHITTLE" reduce -q ball.ply -o text-out.ply --faces 10% --ascii
+expect 0 "$WHITTLE" reduce -q text-out.ply -o back.ply --faces 100% --ascii
+cmp -s text-out.ply back.ply || fail "copied text differs"
+expect 0 "$WHITTLE" reduce ball.ply -o bare.ply --faces 10% --attributes none
+grep -q 'not carried over: red of faces, texcoord of faces, texnumber of faces' out || fail "not named: $(cat out)"
+expect 0 "$WHITTLE" reduce ball.ply -o some.ply --faces 10% --attributes texture
+grep -q 'not carried over: red of faces, texnumber of faces' out || fail "not named: $(cat out)"
+expect 2 "$WHITTLE" reduce ball.ply -o never.ply --faces 10% --attributes texnummer
+
+# a run that is resumed
+expect 0 "$WHITTLE" reduce -q ball.ply -o resumed.ply --faces 20% "${streamed[@]}" --run-dir run --resume
+cmp -s streamed.ply resumed.ply || fail "a run with a folder gives another result"
+
+# texture coordinates that a file does not have, and corners without any
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 nan\nf 1/1 2/2 3/9\nf 2 4 3/-1\n' >odd.obj
+expect 0 "$WHITTLE" reduce -q odd.obj -o odd.ply --faces 100%
+grep -q 'texcoord' odd.ply || fail "no texture coordinates"
+
+# a picture with it; the same with windows; without a texture to be found
+python3 - <<'END' || fail "no picture made"
+import struct, zlib
+rows = b"".join(b"\0" + bytes((255 * (x < 8), 255 * (y < 8), 40)[k] for x in range(16) for k in range(3)) for y in range(16))
+chunk = lambda t, d: struct.pack(">I", len(d)) + t + d + struct.pack(">I", zlib.crc32(t + d))
+open("skin.png", "wb").write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 16, 16, 8, 2, 0, 0, 0)) +
+    chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+open("some ball.mtl", "w").write("newmtl skin\nmap_Kd skin.png\nnewmtl old bone\nmap_Kd -s 1 1 1 skin.png\n")
+END
+if "$WHITTLE" render -q ball.obj -o plain.png --size 60x40 2>err; then
+	expect 0 "$WHITTLE" render -q ball.obj -o named.png --size 60x40 --texture
+	cmp -s plain.png named.png && fail "the texture is not seen"
+	expect 0 "$WHITTLE" render -q ball.obj -o given.png --size 60x40 --texture=skin.png --threads 1
+	cmp -s named.png given.png || fail "the same texture gives another picture"
+	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture
+	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=ball.obj
+	head -c 60 skin.png >short.png
+	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=short.png
+else
+	grep -q libpng err || fail "no picture: $(cat err)"
+fi
+
+[ "$failures" -eq 0 ] || exit 1
+echo "texture: ok"
