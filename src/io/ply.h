@@ -69,7 +69,7 @@ typedef struct wh_ply {
 	    undeclared; /* text: coordinates are doubles where their digits tell more than floats */
 	bool keep_invalid; /* set by who opened it: vertices that are not finite are read as they
 	                      are, and polygons that use them left out, instead of refused */
-	char eol;       /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
+	char eol;          /* byte that ends a line: '\n' (also after '\r'), or '\r' alone */
 	wh_ply_elem *elems;
 	size_t nelems;
 	wh_names textures; /* files that comments call TextureFile */
@@ -126,7 +126,7 @@ typedef struct wh_source {
 	uint32_t voff[3]; /*   x, y, z within a vertex */
 	wh_type vtype[3];
 	bool vswap;
-	bool is_double; /* positions have more than float precision: write doubles */
+	bool is_double;    /* positions have more than float precision: write doubles */
 	bool keep_invalid; /* vertices that are not finite are no failure */
 	const struct wh_attributes *attributes; /* carried beside positions; NULL: none */
 	int afd; /* their records; -1: their scalars lie beside the positions */
@@ -163,7 +163,8 @@ size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
 
 /*
  * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or,
- * unless keep_invalid is set, a coordinate that is not finite (names the vertex). Thread-safe with one scratch per thread.
+ * unless keep_invalid is set, a coordinate that is not finite (names the vertex). Thread-safe with
+ * one scratch per thread.
  */
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
                            void *scratch);

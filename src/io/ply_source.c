@@ -182,12 +182,11 @@ static wh_code check_finite(wh_ctx *c, const wh_source *s, uint64_t first, size_
 	size_t i = 0;
 	while (!not_finite(xyz[i]))
 		i++;
-	return wh_fail(
-	    c, WH_E_INPUT,
-	    "'%s', vertex %" PRIu64
-	    ": %c is %g, not a finite number; 'reduce --drop-invalid' goes on without such vertices "
-	    "and their faces",
-	    s->path, first + i / 3, "xyz"[i % 3], xyz[i]);
+	return wh_fail(c, WH_E_INPUT,
+	               "'%s', vertex %" PRIu64 ": %c is %g, not a finite number; 'reduce "
+	                                       "--drop-invalid' goes on without such vertices "
+	               "and their faces",
+	               s->path, first + i / 3, "xyz"[i % 3], xyz[i]);
 }
 
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,

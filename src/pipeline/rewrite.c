@@ -134,8 +134,7 @@ wh_code wh_rewrite_put_vertices(wh_ctx *c, wh_rewrite *w, uint64_t first, double
 {
 	const bool is_double = w->source.is_double;
 	for (size_t i = 0; i < 3 * n; i++)
-		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])) &&
-		    !w->ply->keep_invalid)
+		if (!isfinite(is_double ? xyz[i] : wh_round_float(xyz[i])) && !w->ply->keep_invalid)
 			return wh_fail(c, WH_E_INPUT,
 			               "'%s', vertex %" PRIu64
 			               ": %c is not a finite number%s; 'reduce --drop-invalid' "

@@ -156,10 +156,11 @@ uint64_t wh_run_vertices(const wh_run *r)
 
 wh_wanted wh_run_wanted(const wh_run *r)
 {
-	const uint32_t holds = wh_mesh_holds(r->to);
-	/* neither cleaning and sifting nor rply's reader takes along what faces carry */
-	return (wh_wanted){r->params->attributes,
-	                   wh_run_tidies(r) || r->rply ? holds & ~(uint32_t)WH_HOLDS_FACES : holds};
+	uint32_t holds = wh_mesh_holds(r->to);
+	/* none of these takes along what faces carry */
+	if (wh_run_tidies(r) || r->rply || r->params->simplify_topology)
+		holds &= ~(uint32_t)WH_HOLDS_FACES;
+	return (wh_wanted){r->params->attributes, holds};
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
