@@ -104,7 +104,7 @@ static int colour_of(const double *p, double distance)
 {
 	int colour = 0;
 	for (int i = 0; i < 3 && distance > 0; i++)
-		colour |= ((int64_t)floor(p[i] * (1 / distance / 8)) & 1) << i;
+		colour |= (int)((int64_t)floor(p[i] * (1 / distance / 8)) & 1) << i;
 	return colour;
 }
 

@@ -51,9 +51,11 @@ static wh_code set_slots(wh_engine *e, uint32_t v, const uint32_t *a, const uint
 	uint32_t slot[WH_MOST_AROUND];
 	const wh_star *s = &e->w->star[v];
 	const uint32_t *r = wh_ring(e, v);
-	for (uint32_t k = 0; k < s->n - !s->closed; k++)
+	for (uint32_t k = 0; k < s->n - !s->closed; k++) {
+		slot[k] = WH_NONE;
 		for (uint32_t i = 0; i < n; i++)
 			slot[k] = a[i] == r[k] ? face[i] : slot[k];
+	}
 	return wh_slots_set(e, v, slot);
 }
 
