@@ -184,7 +184,7 @@ static wh_code check_finite(wh_ctx *c, const wh_source *s, uint64_t first, size_
 		i++;
 	return wh_fail(c, WH_E_INPUT,
 	               "'%s', vertex %" PRIu64 ": %c is %g, not a finite number; 'reduce "
-	                                       "--drop-invalid' goes on without such vertices "
+	               "--drop-invalid' goes on without such vertices "
 	               "and their faces",
 	               s->path, first + i / 3, "xyz"[i % 3], xyz[i]);
 }
