@@ -410,9 +410,10 @@ static void add_faces(wh_check_pieces *s, const seam *one)
 	for (uint32_t i = 0; i < one->nopen; i++)
 		all->open[all->nopen + i] = (open_edge){one->open[i].half_edge + 3 * all->nf,
 		                                        one->open[i].like + all->nopen};
-	for (uint32_t f = 0; f < one->nf; f++)
+	for (uint32_t f = 0; f < one->nf; f++) {
 		all->face_set[all->nf + f] = one->face_set[f] + all->nf;
-	memcpy(all->normal + all->nf, one->normal, one->nf * sizeof *one->normal);
+		memcpy(all->normal[all->nf + f], one->normal[f], sizeof *one->normal);
+	}
 	for (size_t i = 0; i < 3 * (size_t)one->nf; i++)
 		all->tri[3 * (size_t)all->nf + i] = s->map[one->tri[i]];
 	all->nf += one->nf;
