@@ -7,11 +7,12 @@ number() {
 	sed -n "s/^ *\"$2\": *\([0-9]*\),*$/\1/p" "$1" | head -1
 }
 
-# near WHAT PREDICTED REAL PERCENT
+# near WHAT PREDICTED REAL PERCENT [MORE]: no further off; MORE where too much is predicted
 near() {
 	local off=$((($2 - $3) * 1000 / $3))
 	echo "$1: predicted $2, was $3 ($((off / 10)).$((${off#-} % 10)) %)"
-	[ ${off#-} -le $(($4 * 10)) ] || fail "$1: predicted $2, was $3: off by more than $4 %"
+	[ $off -ge $((-$4 * 10)) ] && [ $off -le $((${5:-$4} * 10)) ] ||
+		fail "$1: predicted $2, was $3: off by more than $4 %"
 }
 
 # holds NAME OPTION...: reduce takes what plan says, and no more than the ceiling
@@ -28,8 +29,9 @@ holds() {
 		"$(number report.json clusters)" 0
 	near "$name, $memory: rounds" "$(number plan.json rounds)" "$(number report.json rounds)" 0
 	[ -z "${WHITTLE_SANITIZE:-}" ] || return 0 # sanitizers need memory of their own
+	# what two threads hold at once differs by a tenth from run to run
 	near "$name, $memory: memory" "$(number plan.json peak_rss_bytes)" \
-		"$(number report.json peak_rss_bytes)" 10
+		"$(number report.json peak_rss_bytes)" 10 15
 	[ "$(number report.json peak_rss_bytes)" -le $((${memory%M} << 20)) ] ||
 		fail "$name: more than $memory: $(number report.json peak_rss_bytes)"
 }
