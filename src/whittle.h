@@ -88,9 +88,10 @@ typedef struct wh_reduce_params {
 	bool drop_invalid;      /* vertices that are not finite, and their faces; else they are a
 	                           failure */
 	bool weld;              /* vertices within the distance of others become one with them */
+	bool drop_duplicates;   /* all but one of faces with the same vertices; so does welding;
+	                           done after it */
 	double weld_distance;   /* in units of the file; 0: equal positions */
 	double weld_share;      /* the same as a share of the bounding-box diagonal; 0: none */
-	bool drop_duplicates;   /* all but one of faces with the same vertices; so does welding */
 	uint64_t min_component; /* components of fewer triangles, joined by vertices; 0: none */
 
 	/* Scalar properties of vertices, and of faces and their corners, that are carried over:
