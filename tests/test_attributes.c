@@ -7,9 +7,8 @@
 
 #include "ply_files.h"
 
-#include "algo/compare.h"
 #include "io/attributes.h"
-#include "pipeline/points.h"
+#include "pipeline/measure.h"
 
 #include <math.h>
 
@@ -595,9 +594,24 @@ static wh_mesh load(fixture *f, const char *path)
 	wh_spill spill;
 	wh_mesh m;
 	assert_int_equal(wh_spill_open(c, &spill, f->root, NULL), WH_OK);
-	assert_int_equal(wh_load_coloured(c, &ex, &spill, path, WH_FORMAT_ANY, &m), WH_OK);
+	assert_int_equal(wh_load_mesh(c, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL), WH_OK);
 	wh_spill_close(c, &spill);
 	return m;
+}
+
+/* Measures the input against the output; along the cuts, too, where `seams` is a file of them. */
+static wh_compare measure(fixture *f, const char *seams)
+{
+	const wh_exec ex = {.workers = 2};
+	const wh_measure_params p = {.a = f->in,
+	                             .b = f->out,
+	                             .seams = seams,
+	                             .samples = 100000,
+	                             .temp_dir = f->temp,
+	                             .memory = (size_t)256 << 20};
+	wh_compare r;
+	assert_int_equal(wh_measure_files(&f->t.ctx, &ex, &p, &r, NULL), WH_OK);
+	return r;
 }
 
 /* Attributes ride along: they change no bit of positions or faces. */
@@ -615,14 +629,14 @@ static void geometry_does_not_notice(void **state)
 		                    "(scalar), label (label)");
 		assert_string_equal(f.report.dropped, "");
 		wh_mesh with = load(&f, f.out);
+		assert_true(measure(&f, NULL).both.colours > 0);
 		f.params.attributes = "none";
 		reduces(&f);
 		assert_string_equal(f.report.carried, "");
 		assert_string_equal(f.report.dropped,
 		                    "nx, ny, nz, red, green, blue, label, quality");
 		wh_mesh without = load(&f, f.out);
-		assert_non_null(with.colour);
-		assert_null(without.colour);
+		assert_int_equal(measure(&f, NULL).both.colours, 0);
 		assert_int_equal(with.nv, without.nv);
 		assert_int_equal(with.nf, without.nf);
 		assert_memory_equal(with.pos, without.pos, with.nv * sizeof *with.pos);
@@ -829,19 +843,17 @@ static void write_coloured(fixture *f, uint64_t faces)
 	assert_int_equal(rename(p.path, f->in), 0);
 }
 
-/* Difference of colour in the band along the cuts over that elsewhere. */
-static double band_over_rest(fixture *f, const wh_vec3 *cuts, uint64_t n, double *rms)
+static wh_compare measure_colours(fixture *f, const char *seams)
 {
-	const wh_exec ex = {.workers = 2};
-	const wh_compare_params p = {.samples = 100000, .cuts = cuts, .ncuts = n};
-	wh_compare r;
-	wh_mesh a = load(f, f->in), b = load(f, f->out);
-	assert_int_equal(wh_compare_meshes(&f->t.ctx, &ex, &a, &b, &p, &r), WH_OK);
-	wh_mesh_free(&f->t.ctx, &a);
-	wh_mesh_free(&f->t.ctx, &b);
+	const wh_compare r = measure(f, seams);
 	assert_int_equal(r.both.colours, 200000);
-	*rms = r.colour_rms;
-	return r.band.colour_rms / r.interior.colour_rms;
+	return r;
+}
+
+/* Difference of colour in the band along the cuts over that elsewhere. */
+static double band_over_rest(const wh_compare *r)
+{
+	return r->band.colour_rms / r->interior.colour_rms;
 }
 
 static void colours_are_as_good_along_the_cuts(void **state)
@@ -850,9 +862,6 @@ static void colours_are_as_good_along_the_cuts(void **state)
 	for (int streamed = 0; streamed <= 1; streamed++) {
 		fixture f;
 		char seams[96];
-		wh_vec3 *cuts;
-		uint64_t n;
-		double rms, rms_whole;
 		open_fixture(&f);
 		write_coloured(&f, 40000);
 		(void)snprintf(seams, sizeof seams, "%s/seams.ply", f.root);
@@ -860,29 +869,21 @@ static void colours_are_as_good_along_the_cuts(void **state)
 		f.params.faces = streamed ? 8000 : 2000;
 		reduces(&f);
 		assert_int_equal(f.report.streamed, streamed);
-		assert_int_equal(wh_load_points(&f.t.ctx, seams, &cuts, &n), WH_OK);
-		const double here = band_over_rest(&f, cuts, n, &rms);
+		const wh_compare here = measure_colours(&f, seams);
 		f.params.seams = NULL;
 		f.params.cluster_faces = f.params.micro_faces = 0;
 		reduces(&f);
-		const double whole = band_over_rest(&f, cuts, n, &rms_whole);
-		print_message("band over rest %.3f, uncut %.3f; RMS %.3f, uncut %.3f\n", here,
-		              whole, rms, rms_whole);
-		assert_true(here < 1.1 * whole);
-		assert_true(rms < 1.05 * rms_whole);
-		wh_free(&f.t.ctx, cuts);
+		const wh_compare whole = measure_colours(&f, seams);
+		print_message("band over rest %.3f, uncut %.3f; RMS %.3f, uncut %.3f\n",
+		              band_over_rest(&here), band_over_rest(&whole), here.colour_rms,
+		              whole.colour_rms);
+		assert_true(band_over_rest(&here) < 1.1 * band_over_rest(&whole));
+		assert_true(here.colour_rms < 1.05 * whole.colour_rms);
 		drop(&f);
 	}
 }
 
 /* ---- weights ------------------------------------------------------------------------------- */
-
-static double colour_rms(fixture *f)
-{
-	double rms;
-	(void)band_over_rest(f, (wh_vec3[]){{0, 0, 0}}, 1, &rms);
-	return rms;
-}
 
 static void weights_keep_colours(void **state)
 {
@@ -895,7 +896,7 @@ static void weights_keep_colours(void **state)
 		f.params.faces = streamed ? 8000 : 2000;
 		reduces(&f);
 		memcpy(sum, f.report.checksum, sizeof sum);
-		const double without = colour_rms(&f);
+		const double without = measure_colours(&f, NULL).colour_rms;
 		f.params.weights = "colour=0";
 		reduces(&f);
 		assert_string_equal(sum, f.report.checksum);
@@ -903,7 +904,7 @@ static void weights_keep_colours(void **state)
 		reduces(&f);
 		assert_int_equal(f.report.output_faces, f.params.faces);
 		memcpy(sum, f.report.checksum, sizeof sum);
-		const double with = colour_rms(&f);
+		const double with = measure_colours(&f, NULL).colour_rms;
 		print_message("RMS of colours %.3f, with a weight %.3f\n", without, with);
 		assert_true(with < 0.8 * without);
 		f.params.threads = 1;

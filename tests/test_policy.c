@@ -3,7 +3,7 @@
  * learned from them, tried them on: a box whose arithmetic was done by hand, a plane that loses two
  * triangles, a patch of sixteen; and what must stay with all of them.
  */
-#include "testing.h"
+#include "patches.h"
 
 #include "algo/simplify.h"
 #include "algo/synth.h"
@@ -47,16 +47,6 @@ static void drop(fixture *f)
 	testing_done(&f->t);
 }
 
-static void patch_room(fixture *f, uint32_t nv, uint32_t nf)
-{
-	assert_int_equal(wh_patch_reset(&f->t.ctx, &f->p, nv, nf), WH_OK);
-	for (uint32_t v = 0; v < nv; v++) {
-		f->p.gid[v] = v;
-		f->p.flag[v] = 0;
-		f->p.err[v] = 0;
-	}
-}
-
 static wh_code note(wh_ctx *c, void *to, const wh_collapse *r, const uint8_t *attr)
 {
 	(void)c, (void)attr;
@@ -88,7 +78,7 @@ static wh_check look(fixture *f)
 static void grid(fixture *f, uint32_t nx, uint32_t ny, double noise)
 {
 	open_fixture(f);
-	patch_room(f, (nx + 1) * (ny + 1), 2 * nx * ny);
+	patch_room(&f->t, &f->p, (nx + 1) * (ny + 1), 2 * nx * ny);
 	wh_rng g = wh_rng_seed(5);
 	for (uint32_t v = 0; v < f->p.nv; v++)
 		f->p.pos[v] = wh_v3((double)(v % (nx + 1)) / nx, (double)(v / (nx + 1)) / ny,
@@ -113,7 +103,7 @@ static void torus(fixture *f, uint64_t faces)
 	wh_mesh m;
 	assert_int_equal(wh_synth_open(&f->t.ctx, &s, &sp), WH_OK);
 	assert_int_equal(wh_synth_mesh(&f->t.ctx, s, &m), WH_OK);
-	patch_room(f, m.nv, m.nf);
+	patch_room(&f->t, &f->p, m.nv, m.nf);
 	memcpy(f->p.pos, m.pos, m.nv * sizeof *m.pos);
 	memcpy(f->p.tri, m.tri, 3 * (size_t)m.nf * sizeof *m.tri);
 	wh_mesh_free(&f->t.ctx, &m);
@@ -320,7 +310,7 @@ static void box(fixture *f, bool with_normals)
 {
 	open_fixture(f);
 	f->p.attr_bytes = with_normals ? normals.bytes : 0;
-	patch_room(f, BOX_V, 2 * BOX_QUADS + BOX_TRIS);
+	patch_room(&f->t, &f->p, BOX_V, 2 * BOX_QUADS + BOX_TRIS);
 	memcpy(f->p.pos, box_pos, sizeof box_pos);
 	for (uint32_t v = 0; v < BOX_V && with_normals; v++) {
 		const wh_vec3 n = box_normal(v);
@@ -440,7 +430,7 @@ static void a_collapse_to_a_fin_is_refused(void **state)
 	for (int k = 0; k < CHOICES; k++) {
 		fixture f;
 		open_fixture(&f);
-		patch_room(&f, 7, 8);
+		patch_room(&f.t, &f.p, 7, 8);
 		memcpy(f.p.pos, pos, sizeof pos);
 		memcpy(f.p.tri, tri, sizeof tri);
 		wh_simplify_params p = {.target_faces = 6, .policy = choices[k]};
@@ -631,16 +621,27 @@ static void names_are_understood_and_others_are_not(void **state)
 	wh_cost cost;
 	wh_weight weight;
 	wh_placement placement;
+	static const char *const costs[WH_COST_OWN] = {[WH_COST_MEMORYLESS] = "memoryless",
+	                                               [WH_COST_QEM] = "qem",
+	                                               [WH_COST_NORMALS] = "qem-normals",
+	                                               [WH_COST_MELAX] = "melax",
+	                                               [WH_COST_LENGTH] = "edge-length"};
+	static const char *const weights[WH_WEIGHTS] = {[WH_WEIGHT_AREA] = "area",
+	                                                [WH_WEIGHT_UNIFORM] = "uniform",
+	                                                [WH_WEIGHT_ANGLE] = "angle"};
+	static const char *const places[WH_PLACEMENTS] = {[WH_PLACE_OPTIMAL] = "optimal",
+	                                                  [WH_PLACE_MIDPOINT] = "midpoint",
+	                                                  [WH_PLACE_ENDPOINT] = "endpoint"};
 	for (int i = 0; i < WH_COST_OWN; i++) {
-		assert_true(wh_cost_parse(wh_cost_name((wh_cost)i), &cost));
+		assert_true(wh_cost_parse(costs[i], &cost));
 		assert_int_equal(cost, i);
 	}
 	for (int i = 0; i < WH_WEIGHTS; i++) {
-		assert_true(wh_weight_parse(wh_weight_name((wh_weight)i), &weight));
+		assert_true(wh_weight_parse(weights[i], &weight));
 		assert_int_equal(weight, i);
 	}
 	for (int i = 1; i < WH_PLACEMENTS; i++) {
-		assert_true(wh_placement_parse(wh_placement_name((wh_placement)i), &placement));
+		assert_true(wh_placement_parse(places[i], &placement));
 		assert_int_equal(placement, i);
 	}
 	assert_false(wh_cost_parse("own", &cost)); /* without its function */

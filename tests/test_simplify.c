@@ -2,7 +2,7 @@
  * The engine on meshes that fit a drawing, on grids, and on soup: what must stay stays, counts
  * are hit exactly, limits hold, and pieces reduced apart fit together again.
  */
-#include "testing.h"
+#include "patches.h"
 
 #include "algo/compare.h"
 #include "algo/simplify.h"
@@ -38,21 +38,10 @@ static void drop(fixture *f)
 	testing_done(&f->t);
 }
 
-/* Room for a patch whose vertices are free and numbered from 0. */
-static void patch_room(fixture *f, uint32_t nv, uint32_t nf)
-{
-	assert_int_equal(wh_patch_reset(&f->t.ctx, &f->p, nv, nf), WH_OK);
-	for (uint32_t v = 0; v < nv; v++) {
-		f->p.gid[v] = v;
-		f->p.flag[v] = 0;
-		f->p.err[v] = 0;
-	}
-}
-
 static void draw(fixture *f, const wh_vec3 *pos, uint32_t nv, const uint32_t (*tri)[3], uint32_t nf)
 {
 	open_fixture(f);
-	patch_room(f, nv, nf);
+	patch_room(&f->t, &f->p, nv, nf);
 	memcpy(f->p.pos, pos, nv * sizeof *pos);
 	memcpy(f->p.tri, tri, nf * sizeof *tri);
 }
@@ -104,7 +93,7 @@ static void same_topology(const wh_check *a, const wh_check *b)
 static void grid(fixture *f, uint32_t nx, uint32_t ny, double noise, uint64_t seed)
 {
 	open_fixture(f);
-	patch_room(f, (nx + 1) * (ny + 1), 2 * nx * ny);
+	patch_room(&f->t, &f->p, (nx + 1) * (ny + 1), 2 * nx * ny);
 	wh_rng g = wh_rng_seed(seed);
 	for (uint32_t v = 0; v < f->p.nv; v++) {
 		const double x = (double)(v % (nx + 1)) / nx, y = (double)(v / (nx + 1)) / ny;
@@ -124,7 +113,7 @@ static void grid(fixture *f, uint32_t nx, uint32_t ny, double noise, uint64_t se
 static void annulus(fixture *f, uint32_t n, uint32_t m)
 {
 	open_fixture(f);
-	patch_room(f, n * (m + 1), 2 * n * m);
+	patch_room(&f->t, &f->p, n * (m + 1), 2 * n * m);
 	for (uint32_t v = 0; v < f->p.nv; v++) {
 		const double angle = 2 * 3.14159265358979 * (v % n) / n,
 		             r = 1 + (double)(v / n) / m;
@@ -151,7 +140,7 @@ static void synth(fixture *f, wh_synth_kind kind, uint64_t faces, uint32_t copie
 	wh_mesh m;
 	assert_int_equal(wh_synth_open(&f->t.ctx, &s, &sp), WH_OK);
 	assert_int_equal(wh_synth_mesh(&f->t.ctx, s, &m), WH_OK);
-	patch_room(f, copies * m.nv, copies * m.nf);
+	patch_room(&f->t, &f->p, copies * m.nv, copies * m.nf);
 	for (uint32_t k = 0; k < copies; k++) {
 		const wh_vec3 to = wh_v3(30000.0 * k, 0, 0);
 		for (uint32_t v = 0; v < m.nv; v++)
@@ -705,7 +694,7 @@ static void book(fixture *f, uint32_t n)
 {
 	const uint32_t page = n * (n + 1);
 	open_fixture(f);
-	patch_room(f, (n + 1) + 3 * page, 3 * 2 * n * n);
+	patch_room(&f->t, &f->p, (n + 1) + 3 * page, 3 * 2 * n * n);
 	for (uint32_t y = 0; y <= n; y++)
 		f->p.pos[y] = wh_v3(0, 0, y);
 	uint32_t *t = f->p.tri;
@@ -751,7 +740,7 @@ static void a_bowtie_stays(void **state)
 	fixture one, f;
 	grid(&one, N, N, 0.02, 8);
 	open_fixture(&f);
-	patch_room(&f, 2 * NV - 1, 4 * N * N);
+	patch_room(&f.t, &f.p, 2 * NV - 1, 4 * N * N);
 	for (uint32_t v = 0; v < NV; v++) { /* the second one turned by half a circle */
 		const wh_vec3 a = one.p.pos[v], o = one.p.pos[0];
 		f.p.pos[v] = a;
@@ -924,7 +913,7 @@ static void take_piece(fixture *f, const wh_patch *whole, const cut *c, uint32_t
 	assert_non_null(local);
 	memset(local, 0xff, whole->nv * sizeof *local);
 	open_fixture(f);
-	patch_room(f, whole->nv, whole->nf);
+	patch_room(&f->t, &f->p, whole->nv, whole->nf);
 	f->p.nv = f->p.nf = 0;
 	for (uint32_t i = 0; i < whole->nf; i++) {
 		if (c->piece[i] != k)
@@ -1066,7 +1055,7 @@ static void soup(fixture *f, uint64_t seed, uint32_t faces)
 {
 	wh_rng g = wh_rng_seed(seed);
 	open_fixture(f);
-	patch_room(f, SOUP, faces);
+	patch_room(&f->t, &f->p, SOUP, faces);
 	for (uint32_t v = 0; v < SOUP; v++) {
 		const uint64_t r = wh_rng_next(&g);
 		f->p.pos[v] =

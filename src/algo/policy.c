@@ -58,21 +58,6 @@ bool wh_placement_parse(const char *name, wh_placement *placement)
 	return i > 0;
 }
 
-const char *wh_cost_name(wh_cost cost)
-{
-	return costs[cost].name;
-}
-
-const char *wh_weight_name(wh_weight weight)
-{
-	return weights[weight];
-}
-
-const char *wh_placement_name(wh_placement placement)
-{
-	return placements[placement];
-}
-
 /* ---- the engine's ------------------------------------------------------------------------- */
 
 /* The engine's own costs in the engine's own places are its own business. */

@@ -59,9 +59,6 @@ typedef struct wh_policy_choice {
 bool wh_cost_parse(const char *name, wh_cost *cost);
 bool wh_weight_parse(const char *name, wh_weight *weight);
 bool wh_placement_parse(const char *name, wh_placement *placement);
-const char *wh_cost_name(wh_cost cost);
-const char *wh_weight_name(wh_weight weight);
-const char *wh_placement_name(wh_placement placement);
 
 /* Bytes that a policy keeps for each vertex while wh_simplify runs. */
 size_t wh_policy_bytes(const wh_policy_choice *choice);

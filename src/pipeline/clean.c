@@ -13,6 +13,7 @@
  */
 #include "pipeline/clean.h"
 
+#include "base/chunks.h"
 #include "io/attributes.h"
 #include "pipeline/near.h"
 
@@ -64,17 +65,6 @@ typedef struct clean {
 	uint64_t end; /* bytes of the output */
 } clean;
 
-static size_t chunk_items(uint64_t total, int64_t index)
-{
-	const uint64_t left = total - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
-static int64_t chunks_of(uint64_t total)
-{
-	return (int64_t)((total + CHUNK - 1) / CHUNK);
-}
-
 /* ---- scan --------------------------------------------------------------------------------- */
 
 static bool is_finite(const double *p)
@@ -87,7 +77,7 @@ static wh_code scan_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	clean *k = arg;
 	hand *h = &k->hands[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(k->source->nv, index);
+	const size_t n = wh_chunk_items(k->source->nv, index, CHUNK);
 	h->lo = wh_v3(INFINITY, INFINITY, INFINITY);
 	h->hi = wh_v3(-INFINITY, -INFINITY, -INFINITY);
 	h->found = (wh_clean_result){0};
@@ -114,7 +104,7 @@ static wh_code scan_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	k->lo = wh_lower(k->lo, h->lo);
 	k->hi = wh_upper(k->hi, h->hi);
 	k->result->invalid_vertices += h->found.invalid_vertices;
-	wh_progress_add(k->progress, chunk_items(k->source->nv, index));
+	wh_progress_add(k->progress, wh_chunk_items(k->source->nv, index, CHUNK));
 	return WH_OK;
 }
 
@@ -126,7 +116,7 @@ static wh_code scan(wh_ctx *c, const wh_exec *ex, clean *k)
 	if (wh_rank_open(c, &k->kept, k->source->nv) != WH_OK)
 		return c->err.code;
 	k->result->bytes_read += k->source->nv * k->source->vstride;
-	return wh_exec_ordered(c, ex, chunks_of(k->source->nv), scan_job, scan_commit, k);
+	return wh_exec_ordered(c, ex, wh_chunks(k->source->nv, CHUNK), scan_job, scan_commit, k);
 }
 
 /* ---- weld --------------------------------------------------------------------------------- */
@@ -165,7 +155,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
 	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&k->kept, first);
-	const size_t n = chunk_items(k->source->nv, index);
+	const size_t n = wh_chunk_items(k->source->nv, index, CHUNK);
 	const size_t record = k->out->attributes ? k->out->attributes->bytes : 0;
 	unsigned char *to = h->out;
 	size_t stay = 0;
@@ -220,7 +210,7 @@ static wh_code write_vertices(wh_ctx *c, const wh_exec *ex, clean *k, int fd)
 	lay_out(k, wh_rank_of(&k->kept, k->source->nv), fd);
 	wh_progress_phase(k->progress, "clean vertices", k->source->nv);
 	k->result->bytes_read += k->source->nv * k->source->vstride;
-	return wh_exec_for(c, ex, chunks_of(k->source->nv), vertex_job, k);
+	return wh_exec_for(c, ex, wh_chunks(k->source->nv, CHUNK), vertex_job, k);
 }
 
 /* ---- corners ------------------------------------------------------------------------------ */
@@ -276,7 +266,7 @@ static size_t drop_degenerate(uint64_t *ids, size_t n)
 /* Faces of a chunk for the first time: those that are triangles. */
 static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t *n)
 {
-	const size_t all = chunk_items(k->source->nf, index);
+	const size_t all = wh_chunk_items(k->source->nf, index, CHUNK);
 	const wh_code code =
 	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, all, h->ids, h->raw);
 	if (code != WH_OK)
@@ -334,7 +324,7 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
 	size_t n = 0;
-	wh_progress_add(k->progress, chunk_items(k->source->nf, index));
+	wh_progress_add(k->progress, wh_chunk_items(k->source->nf, index, CHUNK));
 	if (k->first > 0 &&
 	    (k->waits[index].hi < k->first || k->waits[index].lo >= k->first + k->window))
 		return WH_OK;
@@ -387,7 +377,7 @@ static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	k->result->collapsed_faces += h->found.collapsed_faces;
 	k->out->nf += h->out_n;
 	k->end += bytes;
-	wh_progress_add(k->progress, chunk_items(k->source->nf, index));
+	wh_progress_add(k->progress, wh_chunk_items(k->source->nf, index, CHUNK));
 	return wh_spill_pwrite(c, k->spill, k->out->ffd, h->out, bytes, k->end - bytes);
 }
 
@@ -400,14 +390,14 @@ static wh_code open_windows(wh_ctx *c, clean *k)
 	}
 	if (k->windows == 1)
 		return WH_OK;
-	k->waits = wh_alloc(c, (size_t)chunks_of(k->source->nf), sizeof *k->waits);
+	k->waits = wh_alloc(c, (size_t)wh_chunks(k->source->nf, CHUNK), sizeof *k->waits);
 	k->corners_fd = wh_spill_scratch(c, k->spill);
 	return k->waits && k->corners_fd >= 0 ? WH_OK : wh_failed(c);
 }
 
 static wh_code write_faces(wh_ctx *c, const wh_exec *ex, clean *k)
 {
-	const int64_t chunks = chunks_of(k->source->nf);
+	const int64_t chunks = wh_chunks(k->source->nf, CHUNK);
 	if (open_windows(c, k) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(k->progress, "clean faces", k->windows * k->source->nf);
@@ -436,7 +426,7 @@ static size_t hand_bytes(const wh_source *s)
 static size_t window_bytes(const wh_source *s, const wh_clean_params *p, uint64_t window)
 {
 	return (p->weld ? (size_t)window * sizeof(uint64_t) : 0) +
-	       (window < s->nv ? (size_t)chunks_of(s->nf) * sizeof(struct span) : 0);
+	       (window < s->nv ? (size_t)wh_chunks(s->nf, CHUNK) * sizeof(struct span) : 0);
 }
 
 static uint64_t least_window(const wh_source *s)

@@ -6,6 +6,7 @@
  */
 #include "pipeline/duplicates.h"
 
+#include "base/chunks.h"
 #include "mesh/coincident.h"
 
 #include <string.h>
@@ -43,12 +44,6 @@ typedef struct search {
 
 /* ---- reading ------------------------------------------------------------------------------ */
 
-static size_t chunk_items(const search *s, int64_t index)
-{
-	const uint64_t left = s->src->nv - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
 /* The lot of a position among those of all passes. The lower half of the hash tells: inside a lot
  * the upper one is sorted by. */
 static uint32_t lot_of(const search *s, wh_vec3 p)
@@ -61,7 +56,7 @@ static wh_code read_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
 	reader *r = &s->reader[worker];
-	const size_t n = chunk_items(s, index);
+	const size_t n = wh_chunk_items(s->src->nv, index, CHUNK);
 	if (wh_source_vertices(c, s->src, (uint64_t)index * CHUNK, n, r->xyz, r->raw) != WH_OK)
 		return c->err.code;
 	r->n = 0;
@@ -117,7 +112,7 @@ static wh_code read_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 			return c->err.code;
 		l->pos[l->n++] = r->pos[i];
 	}
-	wh_progress_add(s->progress, chunk_items(s, index));
+	wh_progress_add(s->progress, wh_chunk_items(s->src->nv, index, CHUNK));
 	return WH_OK;
 }
 
@@ -204,7 +199,7 @@ wh_code wh_duplicate_vertices(wh_ctx *c, const wh_exec *ex, wh_progress *progres
 	*count = 0;
 	if (plan_passes(c, ex, &s, budget) != WH_OK)
 		return c->err.code;
-	const int64_t chunks = (int64_t)((src->nv + CHUNK - 1) / CHUNK);
+	const int64_t chunks = wh_chunks(src->nv, CHUNK);
 	wh_code code = make(c, &s, ex->workers);
 	wh_progress_phase(progress, "coincident vertices", src->nv * s.passes);
 	for (s.pass = 0; code == WH_OK && s.pass < s.passes; s.pass++) {

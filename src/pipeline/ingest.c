@@ -18,6 +18,7 @@
  */
 #include "pipeline/ingest.h"
 
+#include "base/chunks.h"
 #include "base/sort.h"
 #include "geom/kdtree.h"
 #include "io/attributes.h"
@@ -89,17 +90,6 @@ typedef struct ingest {
 	stretch span; /* vertices that these faces use, those between them, and those above */
 } ingest;
 
-static size_t chunk_items(uint64_t total, int64_t index)
-{
-	const uint64_t left = total - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
-static int64_t chunks_of(uint64_t total)
-{
-	return (int64_t)((total + CHUNK - 1) / CHUNK);
-}
-
 /* Chunks of a stretch are numbered from its beginning. */
 static uint64_t chunk_first(const stretch *s, int64_t index)
 {
@@ -108,12 +98,12 @@ static uint64_t chunk_first(const stretch *s, int64_t index)
 
 static size_t chunk_size(const stretch *s, int64_t index)
 {
-	return chunk_items(s->end - s->first, index);
+	return wh_chunk_items(s->end - s->first, index, CHUNK);
 }
 
 static int64_t chunks_in(const stretch *s)
 {
-	return chunks_of(s->end - s->first);
+	return wh_chunks(s->end - s->first, CHUNK);
 }
 
 /* ---- pass 1: bounds and sample ------------------------------------------------------------ */
@@ -140,7 +130,7 @@ static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	ingest *g = arg;
 	bench *b = &g->worker[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(g->src->nv, index);
+	const size_t n = wh_chunk_items(g->src->nv, index, CHUNK);
 	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
 		return c->err.code;
 	wh_digest_add(g->params->digest, wh_source_vertex_at(g->src, first), b->raw,
@@ -171,7 +161,7 @@ static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	r->lo = wh_lower(r->lo, b->lo);
 	r->hi = wh_upper(r->hi, b->hi);
-	wh_progress_add(g->progress, chunk_items(g->src->nv, index));
+	wh_progress_add(g->progress, wh_chunk_items(g->src->nv, index, CHUNK));
 	return WH_OK;
 }
 
@@ -521,7 +511,7 @@ static wh_code send_vertices(wh_ctx *c, const wh_exec *ex, ingest *g)
 		g->result->cut_vertices += count_vertices(&g->visits);
 		if (list_ids(c, g) != WH_OK)
 			return c->err.code;
-		const int64_t jobs = chunks_of(records_below(g, g->end));
+		const int64_t jobs = wh_chunks(records_below(g, g->end), CHUNK);
 		if (wh_exec_ordered(c, ex, jobs, vertex_job, vertex_commit, g) != WH_OK)
 			return c->err.code;
 	}
@@ -566,7 +556,7 @@ static wh_homes_params homes_params(const wh_source *src, const wh_ingest_params
 {
 	return (wh_homes_params){.vertices = src->nv,
 	                         .window = params->window,
-	                         .chunks = (uint64_t)chunks_of(src->nf),
+	                         .chunks = (uint64_t)wh_chunks(src->nf, CHUNK),
 	                         .chunk_corners = 3 * (size_t)CHUNK};
 }
 
@@ -664,7 +654,7 @@ static wh_code take_sample(wh_ctx *c, const wh_exec *ex, ingest *g)
 	if (!g->sample)
 		return c->err.code;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
-	return wh_exec_ordered(c, ex, chunks_of(g->src->nv), bounds_job, bounds_commit, g);
+	return wh_exec_ordered(c, ex, wh_chunks(g->src->nv, CHUNK), bounds_job, bounds_commit, g);
 }
 
 /* What another process found so. */
@@ -712,7 +702,7 @@ static wh_code build_tree(wh_ctx *c, const wh_exec *ex, ingest *g)
 /* One of so many parts of all chunks. */
 static stretch part_of(uint64_t items, uint32_t part, uint32_t parts)
 {
-	const uint64_t chunks = (uint64_t)chunks_of(items);
+	const uint64_t chunks = (uint64_t)wh_chunks(items, CHUNK);
 	const uint64_t first = chunks * part / parts * CHUNK,
 	               end = chunks * (part + 1) / parts * CHUNK;
 	return (stretch){first, end < items ? end : items};

@@ -23,6 +23,7 @@
  */
 #include "pipeline/near.h"
 
+#include "base/chunks.h"
 #include "base/rng.h"
 #include "mesh/coincident.h"
 
@@ -128,12 +129,6 @@ static uint32_t bucket_of(const search *s, uint64_t hash)
 
 /* ---- scatter ------------------------------------------------------------------------------ */
 
-static size_t chunk_items(const search *s, int64_t index)
-{
-	const uint64_t left = s->source->nv - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
 /* Blocks along an axis that cell `at` is in, the first, or near to: one or two. */
 static int blocks_near(const search *s, int64_t at, int64_t *block)
 {
@@ -163,7 +158,7 @@ static wh_code scatter_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const search *s = arg;
 	hand *h = &s->hands[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(s, index);
+	const size_t n = wh_chunk_items(s->source->nv, index, CHUNK);
 	h->n_copies = 0;
 	if (wh_source_vertices(c, s->source, first, n, h->xyz, h->raw) != WH_OK)
 		return c->err.code;
@@ -221,7 +216,7 @@ static wh_code scatter_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 		put_record(s, to, h->xyz + 3 * (size_t)k->index,
 		           h->tag[k->index] | (k->home ? HOME : 0));
 	}
-	wh_progress_add(s->progress, chunk_items(s, index));
+	wh_progress_add(s->progress, wh_chunk_items(s->source->nv, index, CHUNK));
 	return WH_OK;
 }
 
@@ -492,7 +487,7 @@ static void close_search(wh_ctx *c, search *s, int workers)
 
 static wh_code run(wh_ctx *c, const wh_exec *ex, search *s)
 {
-	const int64_t chunks = (int64_t)((s->source->nv + CHUNK - 1) / CHUNK);
+	const int64_t chunks = wh_chunks(s->source->nv, CHUNK);
 	wh_progress_phase(s->progress, "weld", 2 * s->source->nv);
 	if (wh_exec_ordered(c, ex, chunks, scatter_job, scatter_commit, s) != WH_OK ||
 	    wh_bins_end(c, &s->buckets) != WH_OK ||

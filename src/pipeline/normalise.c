@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "pipeline/normalise.h"
 
+#include "base/chunks.h"
 #include "io/off.h"
 #include "io/rply_read.h"
 #include "io/unpack.h"
@@ -486,30 +487,19 @@ typedef struct loader {
 	uint64_t **ids;
 } loader;
 
-static size_t chunk_size(uint64_t total, int64_t index)
-{
-	const uint64_t left = total - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
-static int64_t chunks_of(uint64_t total)
-{
-	return (int64_t)((total + CHUNK - 1) / CHUNK);
-}
-
 static wh_code load_vertices(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const loader *l = arg;
 	const uint64_t first = (uint64_t)index * CHUNK;
-	return wh_source_vertices(c, l->s, first, chunk_size(l->s->nv, index), &l->m->pos[first].x,
-	                          l->scratch[worker]);
+	return wh_source_vertices(c, l->s, first, wh_chunk_items(l->s->nv, index, CHUNK),
+	                          &l->m->pos[first].x, l->scratch[worker]);
 }
 
 static wh_code load_triangles(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const loader *l = arg;
 	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_size(l->s->nf, index);
+	const size_t n = wh_chunk_items(l->s->nf, index, CHUNK);
 	const uint64_t *t = l->ids[worker];
 	uint32_t *to = l->m->tri + 3 * first;
 	const wh_code code =
@@ -530,7 +520,7 @@ static wh_code load_triangles(wh_ctx *c, void *arg, int64_t index, int worker)
 static void close_gaps(const loader *l)
 {
 	uint32_t nf = 0;
-	for (int64_t i = 0; i < chunks_of(l->s->nf); i++) {
+	for (int64_t i = 0; i < wh_chunks(l->s->nf, CHUNK); i++) {
 		const uint32_t *from = l->m->tri + 3 * (size_t)i * CHUNK;
 		memmove(l->m->tri + 3 * (size_t)nf, from, 3 * (size_t)l->kept[i] * sizeof *from);
 		nf += l->kept[i];
@@ -542,7 +532,7 @@ static wh_code open_loader(wh_ctx *c, loader *l, int workers)
 {
 	const size_t v = wh_source_vertex_bytes(l->s, CHUNK);
 	const size_t t = wh_source_triangle_bytes(l->s, CHUNK);
-	l->kept = wh_alloc(c, (size_t)chunks_of(l->s->nf), sizeof *l->kept);
+	l->kept = wh_alloc(c, (size_t)wh_chunks(l->s->nf, CHUNK), sizeof *l->kept);
 	l->scratch = wh_calloc(c, (size_t)workers, sizeof *l->scratch);
 	l->ids = wh_calloc(c, (size_t)workers, sizeof *l->ids);
 	if (!l->kept || !l->scratch || !l->ids)
@@ -582,9 +572,9 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
 		return c->err.code;
 	wh_code code = open_loader(c, &l, ex->workers);
 	if (code == WH_OK)
-		code = wh_exec_for(c, ex, chunks_of(s->nv), load_vertices, &l);
+		code = wh_exec_for(c, ex, wh_chunks(s->nv, CHUNK), load_vertices, &l);
 	if (code == WH_OK)
-		code = wh_exec_for(c, ex, chunks_of(s->nf), load_triangles, &l);
+		code = wh_exec_for(c, ex, wh_chunks(s->nf, CHUNK), load_triangles, &l);
 	if (code == WH_OK)
 		close_gaps(&l);
 	close_loader(c, &l, ex->workers);
@@ -593,78 +583,18 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
 	return code;
 }
 
-/* --- colours --- */
-
-typedef struct colour_loader {
-	const wh_source *s;
-	float *rgb;
-	uint8_t **records; /* one per worker */
-	void **scratch;
-} colour_loader;
-
-static wh_code load_colours(wh_ctx *c, void *arg, int64_t index, int worker)
-{
-	const colour_loader *l = arg;
-	const wh_attributes *a = l->s->attributes;
-	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_size(l->s->nv, index);
-	uint8_t *records = l->records[worker];
-	if (wh_source_attributes(c, l->s, first, n, records, l->scratch[worker]) != WH_OK)
-		return c->err.code;
-	for (size_t i = 0; i < n; i++)
-		for (size_t k = 0; k < 3; k++) {
-			const wh_attribute *item = &a->item[a->rgb[k]];
-			l->rgb[3 * (first + i) + k] =
-			    (float)(255 * wh_attribute_get(item, records + i * a->bytes) /
-			            wh_type_white(item->type));
-		}
-	return WH_OK;
-}
-
-/* Where the source has no colours the mesh gets none. */
-static wh_code colour_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh *m)
-{
-	const size_t workers = (size_t)ex->workers;
-	if (!s->attributes || !s->attributes->has_rgb)
-		return WH_OK;
-	m->colour = wh_alloc(c, m->nv, 3 * sizeof *m->colour);
-	colour_loader l = {.s = s,
-	                   .rgb = m->colour,
-	                   .records = wh_calloc(c, workers, sizeof *l.records),
-	                   .scratch = wh_calloc(c, workers, sizeof *l.scratch)};
-	for (size_t i = 0; l.records && l.scratch && i < workers; i++) {
-		l.records[i] = wh_alloc(c, CHUNK, s->attributes->bytes);
-		l.scratch[i] = wh_alloc(c, wh_source_vertex_bytes(s, CHUNK), 1);
-	}
-	wh_code code = c->err.code;
-	if (code == WH_OK)
-		code = wh_exec_for(c, ex, chunks_of(s->nv), load_colours, &l);
-	for (size_t i = 0; i < workers; i++) {
-		if (l.records)
-			wh_free(c, l.records[i]);
-		if (l.scratch)
-			wh_free(c, l.scratch[i]);
-	}
-	wh_free(c, l.scratch);
-	wh_free(c, l.records);
-	return code;
-}
-
 /* --- files --- */
 
 /* One try. WH_E_IRREGULAR, with nothing recorded: force a rewrite. */
 static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         wh_format from, bool force_rewrite, const char *attributes, wh_mesh *m,
-                         bool *is_double, uint64_t *degenerate)
+                         wh_format from, bool force_rewrite, wh_mesh *m, bool *is_double,
+                         uint64_t *degenerate)
 {
 	wh_input in;
-	wh_code code = wh_input_open_with(c, ex, spill, path, from, force_rewrite,
-	                                  (wh_wanted){attributes, WH_HOLDS_ALL}, &in);
+	wh_code code = wh_input_open(c, ex, spill, path, from, force_rewrite, &in);
 	if (code != WH_OK)
 		return code;
 	code = wh_source_mesh(c, ex, &in.source, m);
-	if (code == WH_OK)
-		code = colour_mesh(c, ex, &in.source, m);
 	if (code == WH_OK && is_double)
 		*is_double = in.source.is_double;
 	if (code == WH_OK && degenerate)
@@ -677,25 +607,12 @@ static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const ch
 	return code;
 }
 
-static wh_code load(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path, wh_format from,
-                    const char *attributes, wh_mesh *m, bool *is_double, uint64_t *degenerate)
-{
-	*m = (wh_mesh){0};
-	const wh_code code =
-	    load_file(c, ex, spill, path, from, false, attributes, m, is_double, degenerate);
-	if (code != WH_E_IRREGULAR)
-		return code;
-	return load_file(c, ex, spill, path, from, true, attributes, m, is_double, degenerate);
-}
-
-wh_code wh_load_coloured(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         wh_format from, wh_mesh *m)
-{
-	return load(c, ex, spill, path, from, "colour", m, NULL, NULL);
-}
-
 wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                      wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate)
 {
-	return load(c, ex, spill, path, from, "none", m, is_double, degenerate);
+	*m = (wh_mesh){0};
+	const wh_code code = load_file(c, ex, spill, path, from, false, m, is_double, degenerate);
+	if (code != WH_E_IRREGULAR)
+		return code;
+	return load_file(c, ex, spill, path, from, true, m, is_double, degenerate);
 }

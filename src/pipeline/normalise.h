@@ -105,8 +105,5 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
  */
 wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                      wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate);
-/* The same with the colours of the vertices, where the file has any. */
-wh_code wh_load_coloured(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         wh_format from, wh_mesh *m);
 
 #endif

@@ -1,7 +1,5 @@
 #include "pipeline/points.h"
 
-enum { CHUNK = 1 << 16 }; /* vertices read at a time */
-
 wh_code wh_points_open(wh_ctx *c, const char *path, wh_points *p)
 {
 	*p = (wh_points){0};
@@ -35,32 +33,4 @@ wh_code wh_points_get(wh_ctx *c, void *user, uint64_t first, size_t n, wh_vec3 *
 	    raw ? wh_source_vertices(c, &p->source, first, n, &points->x, raw) : c->err.code;
 	wh_free(c, raw);
 	return code;
-}
-
-static wh_code read_all(wh_ctx *c, wh_points *p, wh_vec3 *points)
-{
-	wh_code code = c->err.code;
-	for (uint64_t at = 0; code == WH_OK && at < p->n; at += CHUNK) {
-		const size_t n = p->n - at < CHUNK ? (size_t)(p->n - at) : CHUNK;
-		code = wh_points_get(c, p, at, n, points + at);
-	}
-	return code;
-}
-
-wh_code wh_load_points(wh_ctx *c, const char *path, wh_vec3 **points, uint64_t *n)
-{
-	wh_points p;
-	*points = NULL;
-	*n = 0;
-	if (wh_points_open(c, path, &p) != WH_OK)
-		return c->err.code;
-	*points = wh_alloc(c, (size_t)p.n, sizeof **points);
-	if (*points && read_all(c, &p, *points) == WH_OK) {
-		*n = p.n;
-	} else {
-		wh_free(c, *points);
-		*points = NULL;
-	}
-	wh_points_close(c, &p);
-	return c->err.code;
 }

@@ -20,8 +20,4 @@ void wh_points_close(wh_ctx *c, wh_points *p);
  * finite. Thread-safe. */
 wh_code wh_points_get(wh_ctx *c, void *user, uint64_t first, size_t n, wh_vec3 *points);
 
-/* Reads all of a file into *points (wh_free). Failures are those of the above; then *points is
- * NULL. */
-wh_code wh_load_points(wh_ctx *c, const char *path, wh_vec3 **points, uint64_t *n);
-
 #endif

@@ -175,13 +175,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
-	to->clusters = from->clusters;
-	to->id_bytes = from->id_bytes;
-	to->coord_bytes = from->coord_bytes;
-	to->vertex_payload = sizeof(float);
-	to->attr_bytes = from->attr_bytes;
-	to->face_bytes = from->face_bytes;
-	to->local_corners = true;
+	wh_store_lay_out(from, to);
 	wh_progress_phase(progress, "decimate", faces);
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
 	r.hands = wh_hands_make(c, ex->workers, from, max_v, max_f);

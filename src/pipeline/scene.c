@@ -1,5 +1,6 @@
 #include "pipeline/scene.h"
 
+#include "base/chunks.h"
 #include "io/attributes.h"
 
 #include <string.h>
@@ -38,17 +39,6 @@ struct wh_scene {
 	bench *bench;
 	const wh_canvas *canvas; /* the one at hand */
 };
-
-static size_t chunk_items(uint64_t total, int64_t index)
-{
-	const uint64_t left = total - (uint64_t)index * CHUNK;
-	return left < CHUNK ? (size_t)left : CHUNK;
-}
-
-static int64_t chunks_of(uint64_t total)
-{
-	return (int64_t)((total + CHUNK - 1) / CHUNK);
-}
 
 static uint64_t window_of(const wh_scene_params *p)
 {
@@ -112,7 +102,7 @@ static wh_code project_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const wh_scene *s = arg;
 	const uint64_t first = (uint64_t)index * CHUNK;
-	const size_t n = chunk_items(s->end - s->first, index);
+	const size_t n = wh_chunk_items(s->end - s->first, index, CHUNK);
 	wh_progress_add(s->progress, n);
 	return project(c, s, &s->bench[worker], s->first + first, n, s->spot + first);
 }
@@ -121,7 +111,7 @@ static wh_code cloud_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const wh_scene *s = arg;
 	bench *b = &s->bench[worker];
-	const size_t n = chunk_items(s->p.source->nv, index);
+	const size_t n = wh_chunk_items(s->p.source->nv, index, CHUNK);
 	if (project(c, s, b, (uint64_t)index * CHUNK, n, b->spot) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++)
@@ -169,7 +159,7 @@ static wh_code normals_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const wh_scene *s = arg;
 	bench *b = &s->bench[worker];
-	const size_t n = chunk_items(s->p.source->nf, index);
+	const size_t n = wh_chunk_items(s->p.source->nf, index, CHUNK);
 	wh_progress_add(s->progress, n);
 	if (s->windowed && (s->range[index].lo >= s->end || s->range[index].hi < s->first))
 		return WH_OK;
@@ -211,7 +201,7 @@ static wh_code draw_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const wh_scene *s = arg;
 	bench *b = &s->bench[worker];
-	const size_t n = chunk_items(s->p.source->nf, index);
+	const size_t n = wh_chunk_items(s->p.source->nf, index, CHUNK);
 	wh_code code = get_corners(c, s, b, index, n);
 	if (code == WH_OK)
 		code = get_sums(c, s, b, index, n);
@@ -249,7 +239,7 @@ static range range_of(const uint64_t *ids, size_t n)
  * from a table. */
 static wh_code fill(wh_ctx *c, const wh_scene *s, bench *b, int64_t index, int fd, size_t size)
 {
-	const size_t n = chunk_items(s->p.source->nf, index), bytes = 3 * n * size;
+	const size_t n = wh_chunk_items(s->p.source->nf, index, CHUNK), bytes = 3 * n * size;
 	const uint64_t off = (uint64_t)index * CHUNK * 3 * size;
 	const bool is_spot = fd == s->spot_fd;
 	unsigned char *item = is_spot ? (unsigned char *)b->spot : (unsigned char *)b->sum;
@@ -272,7 +262,7 @@ static wh_code fill(wh_ctx *c, const wh_scene *s, bench *b, int64_t index, int f
 static wh_code fill_job(wh_ctx *c, const wh_scene *s, int64_t index, int worker, bool sums)
 {
 	bench *b = &s->bench[worker];
-	const size_t n = chunk_items(s->p.source->nf, index);
+	const size_t n = wh_chunk_items(s->p.source->nf, index, CHUNK);
 	range *r = &s->range[index];
 	wh_progress_add(s->progress, n);
 	if ((sums || s->first > 0) && (r->lo >= s->end || r->hi < s->first))
@@ -313,7 +303,7 @@ static void to_window(wh_scene *s, uint64_t w)
 
 static wh_code over_faces(wh_ctx *c, wh_scene *s, wh_job job)
 {
-	return wh_exec_for(c, s->ex, chunks_of(s->p.source->nf), job, s);
+	return wh_exec_for(c, s->ex, wh_chunks(s->p.source->nf, CHUNK), job, s);
 }
 
 /* ---- stages --------------------------------------------------------------------------------- */
@@ -325,7 +315,8 @@ static wh_code find_places(wh_ctx *c, wh_scene *s)
 	wh_progress_phase(s->progress, "project", src->nv + faces);
 	for (uint64_t w = 0; w < windows(s); w++) {
 		to_window(s, w);
-		wh_code code = wh_exec_for(c, s->ex, chunks_of(s->end - s->first), project_job, s);
+		wh_code code =
+		    wh_exec_for(c, s->ex, wh_chunks(s->end - s->first, CHUNK), project_job, s);
 		if (code == WH_OK && s->windowed)
 			code = over_faces(c, s, fill_spots_job);
 		if (code != WH_OK)
@@ -372,7 +363,7 @@ wh_code wh_scene_draw(wh_ctx *c, wh_scene *s, const wh_canvas *canvas)
 	const wh_source *src = s->p.source;
 	s->canvas = canvas;
 	if (src->nf == 0)
-		return wh_exec_for(c, s->ex, chunks_of(src->nv), cloud_job, s);
+		return wh_exec_for(c, s->ex, wh_chunks(src->nv, CHUNK), cloud_job, s);
 	return over_faces(c, s, draw_job);
 }
 
@@ -396,7 +387,8 @@ size_t wh_scene_bytes(const wh_scene_params *p, const wh_exec *ex)
 	const bool windowed = has_windows(p);
 	const size_t sum = p->look.smooth ? sizeof(wh_normal_sum) : 0;
 	const size_t each = windowed ? sizeof(wh_spot) : sizeof(wh_spot) + sum;
-	const size_t ranges = windowed ? (size_t)chunks_of(p->source->nf) * sizeof(range) : 0;
+	const size_t ranges =
+	    windowed ? (size_t)wh_chunks(p->source->nf, CHUNK) * sizeof(range) : 0;
 	return (size_t)window_of(p) * each + ranges + (size_t)ex->workers * bench_bytes(p) +
 	       sizeof(wh_scene) + 1024;
 }
@@ -418,7 +410,7 @@ static wh_code open_benches(wh_ctx *c, wh_scene *s)
 
 static wh_code open_windows(wh_ctx *c, wh_scene *s)
 {
-	s->range = wh_alloc(c, (size_t)chunks_of(s->p.source->nf), sizeof *s->range);
+	s->range = wh_alloc(c, (size_t)wh_chunks(s->p.source->nf, CHUNK), sizeof *s->range);
 	s->spot_fd = s->range ? wh_spill_scratch(c, s->spill) : -1;
 	s->sum_fd = s->spot_fd >= 0 ? wh_spill_scratch(c, s->spill) : -1;
 	return s->sum_fd >= 0 ? WH_OK : wh_failed(c);

@@ -24,16 +24,10 @@ typedef struct settle {
 /* The store that is filled. */
 static wh_store result_store(const settle *s)
 {
-	return (wh_store){.spill = s->to->spill,
-	                  .generation = s->to->generation,
-	                  .clusters = s->from->clusters,
-	                  .id_bytes = s->from->id_bytes,
-	                  .coord_bytes = s->from->coord_bytes,
-	                  .vertex_payload = sizeof(float),
-	                  .attr_bytes = s->from->attr_bytes,
-	                  .face_bytes = s->from->face_bytes,
-	                  .local_corners = true,
-	                  .ledger = s->to->ledger};
+	wh_store to = {
+	    .spill = s->to->spill, .generation = s->to->generation, .ledger = s->to->ledger};
+	wh_store_lay_out(s->from, &to);
+	return to;
 }
 
 /* ---- trials of an earlier process --------------------------------------------------------- */

@@ -357,18 +357,6 @@ static void close_all(wh_ctx *c, sift *s, int workers)
 	wh_free(c, s->part);
 }
 
-/* A store of the same layout as rounds leave. */
-static void describe(const wh_store *from, wh_store *to)
-{
-	to->clusters = from->clusters;
-	to->id_bytes = from->id_bytes;
-	to->coord_bytes = from->coord_bytes;
-	to->vertex_payload = sizeof(float);
-	to->attr_bytes = from->attr_bytes;
-	to->face_bytes = from->face_bytes;
-	to->local_corners = true;
-}
-
 static wh_code run(wh_ctx *c, const wh_exec *ex, sift *s, wh_store *to, bool *changed)
 {
 	wh_sift_result *r = s->result;
@@ -379,7 +367,7 @@ static wh_code run(wh_ctx *c, const wh_exec *ex, sift *s, wh_store *to, bool *ch
 	if (!*changed)
 		return WH_OK;
 	wh_progress_phase(s->progress, "sift", r->faces);
-	describe(s->from, to);
+	wh_store_lay_out(s->from, to);
 	s->to = to;
 	if (wh_exec_ordered(c, ex, s->from->clusters, write_job, write_commit, s) != WH_OK)
 		return c->err.code;

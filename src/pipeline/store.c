@@ -42,6 +42,17 @@ static void file_name(const wh_store *s, uint32_t cluster, bool part, char name[
 		memcpy(name, whole, sizeof whole);
 }
 
+void wh_store_lay_out(const wh_store *from, wh_store *to)
+{
+	to->clusters = from->clusters;
+	to->id_bytes = from->id_bytes;
+	to->coord_bytes = from->coord_bytes;
+	to->vertex_payload = sizeof(float);
+	to->attr_bytes = from->attr_bytes;
+	to->face_bytes = from->face_bytes;
+	to->local_corners = true;
+}
+
 /* ---- writing ------------------------------------------------------------------------------ */
 
 wh_code wh_store_begin(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,

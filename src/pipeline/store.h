@@ -51,6 +51,11 @@ typedef struct wh_store {
 	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
 } wh_store;
 
+/* Lays out `to` as rounds over `from` leave a store: the same clusters and records, with an error
+ * bound to each vertex and local corners. The spill folder, generation and ledger are the caller's.
+ */
+void wh_store_lay_out(const wh_store *from, wh_store *to);
+
 /* Writes one cluster file. Zero-initialise; not thread-safe. */
 typedef struct wh_store_writer {
 	uint8_t *buf;
