@@ -444,22 +444,34 @@ static int tell_result(const reduce_options *o, const cmd_env *env, const wh_red
 	return code == WH_OK ? WH_OK : cmd_report_failure(env);
 }
 
+static wh_code check_names(const reduce_options *o)
+{
+	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
+		return WH_E_USAGE;
+	return check_measure(o);
+}
+
+/* Progress and notices go to the user. */
+static void listen(reduce_options *o, progress_bar *bar)
+{
+	progress_bar_init(bar, !o->quiet && !o->no_progress);
+	o->params.progress = progress_bar_tell;
+	o->params.progress_user = bar;
+	o->params.notice = print_notice;
+	o->params.notice_user = o;
+}
+
 int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 {
 	const bool last = o->params.stage == WH_STAGE_ALL || o->params.stage == WH_STAGE_FINISH;
-	if (last && (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
-	             check_measure(o) != WH_OK))
+	if (last && check_names(o) != WH_OK)
 		return WH_E_USAGE;
 	cmd_env env;
 	cmd_env_init(&env, name);
 	if (last && o->report && reduce_report_try(&env, o->report, o->params.force) != 0)
 		return WH_E_RUN;
 	progress_bar bar;
-	progress_bar_init(&bar, !o->quiet && !o->no_progress);
-	o->params.progress = progress_bar_tell;
-	o->params.progress_user = &bar;
-	o->params.notice = print_notice;
-	o->params.notice_user = o;
+	listen(o, &bar);
 	if (o->params.run_dir)
 		cmd_stop_on_usr1();
 	wh_reduce_report report;
@@ -484,17 +496,12 @@ int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 static int run_rank(reduce_options *o, int argc, char **argv)
 {
 	cmd_env env;
-	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
-	    check_measure(o) != WH_OK)
+	if (check_names(o) != WH_OK)
 		return WH_E_USAGE;
 	cmd_env_init(&env, "reduce");
 	cmd_stop_on_usr1();
 	progress_bar bar;
-	progress_bar_init(&bar, !o->quiet && !o->no_progress);
-	o->params.progress = progress_bar_tell;
-	o->params.progress_user = &bar;
-	o->params.notice = print_notice;
-	o->params.notice_user = o;
+	listen(o, &bar);
 	wh_reduce_report report;
 	const wh_code code = wh_reduce_mpi(&env.ctx, &o->params, &report);
 	if (report.rank == 0)

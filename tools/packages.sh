@@ -13,7 +13,8 @@ build_packages=(gcc libc6-dev make cmake pkg-config libxxhash-dev libjansson-dev
 test_packages=(ninja-build clang libomp-dev libclang-rt-14-dev libcmocka-dev
 	clang-format clang-tidy binutils python3 valgrind zstd libopenmpi-dev openmpi-bin)
 browser_packages=(chromium chromium-driver)
-# The last but one line is a cluster for bench/slurm; the last one MeshLab, with a display and OpenGL of software, which its server wants.
+# The last line is MeshLab, with a display and OpenGL of software, which its server wants; the one
+# before it a cluster for bench/slurm.
 bench_packages=(g++ python3 python3-matplotlib valgrind libmeshoptimizer-dev libopenmesh-dev
 	libcgal-dev libeigen3-dev libvtk9-dev libgts-dev
 	libopenmpi-dev openmpi-bin slurmctld slurmd slurm-client munge

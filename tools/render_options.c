@@ -136,7 +136,7 @@ static bool parse_colour(const char *text, wh_rgba *c)
 	return true;
 }
 
-static bool parse_up(const char *text, int *up)
+bool render_parse_up(const char *text, int *up)
 {
 	if (strcmp(text, "auto") == 0)
 		*up = WH_UP_GUESS;
@@ -165,11 +165,15 @@ static bool parse_samples(const char *text, int *samples)
 	return true;
 }
 
+bool render_parse_angle(const char *text, double *degrees)
+{
+	return cmd_parse_real(text, degrees) && *degrees >= -360 && *degrees <= 360;
+}
+
 static bool parse_turn(const char *text, int which, render_options *o)
 {
 	o->turned[which] = true;
-	return cmd_parse_real(text, &o->turn[which]) && o->turn[which] >= -360 &&
-	       o->turn[which] <= 360;
+	return render_parse_angle(text, &o->turn[which]);
 }
 
 static bool parse_positive(const char *text, double least, double most, double *x)
@@ -194,7 +198,7 @@ static bool take_value(render_options *o, int opt, const char *arg)
 	case OPT_ELEVATION:
 		return parse_turn(arg, 1, o);
 	case OPT_UP:
-		return parse_up(arg, &p->up);
+		return render_parse_up(arg, &p->up);
 	case OPT_ZOOM:
 		return parse_positive(arg, 0.01, 100, &p->zoom);
 	case OPT_BACKGROUND:

@@ -21,6 +21,12 @@ typedef struct render_options {
 /* "1200x900", or "800" for a square. */
 bool render_parse_size(const char *text, uint32_t *w, uint32_t *h);
 
+/* "x", "y" or "z" as 0 to 2; "auto" as WH_UP_GUESS. */
+bool render_parse_up(const char *text, int *up);
+
+/* An angle in degrees, no more than a whole turn either way. */
+bool render_parse_angle(const char *text, double *degrees);
+
 /* WH_OK, or the exit status after a message. */
 int render_options_parse(int argc, char **argv, render_options *o);
 

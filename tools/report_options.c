@@ -53,16 +53,7 @@ static bool parse_count(const char *text, bool binary, int64_t least, int64_t mo
 static bool parse_turn(report_options *o, int which, const char *text)
 {
 	o->turned[which] = true;
-	return cmd_parse_real(text, &o->turn[which]) && o->turn[which] >= -360 &&
-	       o->turn[which] <= 360;
-}
-
-static bool parse_up(const char *text, int *up)
-{
-	if (strlen(text) != 1 || *text < 'x' || *text > 'z')
-		return false;
-	*up = *text - 'x';
-	return true;
+	return render_parse_angle(text, &o->turn[which]);
 }
 
 static bool take_value(report_options *o, int opt, const char *arg)
@@ -80,7 +71,7 @@ static bool take_value(report_options *o, int opt, const char *arg)
 	case OPT_SIZE:
 		return render_parse_size(arg, &o->width, &o->height);
 	case OPT_UP:
-		return parse_up(arg, &o->up);
+		return render_parse_up(arg, &o->up);
 	case OPT_AZIMUTH:
 		return parse_turn(o, 0, arg);
 	case OPT_ELEVATION:
