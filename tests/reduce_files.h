@@ -50,6 +50,22 @@ static inline void open_fixture(fixture *f)
 	f->params.final_faces = 4000;
 }
 
+/* The files hold the same bytes. */
+static inline void same_bytes(const char *a, const char *b)
+{
+	FILE *f = fopen(a, "rb"), *g = fopen(b, "rb");
+	assert_non_null(f);
+	assert_non_null(g);
+	int x, y;
+	do {
+		x = fgetc(f);
+		y = fgetc(g);
+		assert_int_equal(x, y);
+	} while (x != EOF);
+	(void)fclose(f);
+	(void)fclose(g);
+}
+
 static inline int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)
 {
 	(void)st, (void)kind, (void)at;

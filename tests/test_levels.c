@@ -64,21 +64,6 @@ static wh_mesh load(fixture *f, const char *path)
 	return m;
 }
 
-static void same_file(const char *a, const char *b)
-{
-	FILE *f = fopen(a, "rb"), *g = fopen(b, "rb");
-	assert_non_null(f);
-	assert_non_null(g);
-	int x, y;
-	do {
-		x = fgetc(f);
-		y = fgetc(g);
-		assert_int_equal(x, y);
-	} while (x != EOF);
-	(void)fclose(f);
-	(void)fclose(g);
-}
-
 /* A boundary lets counts be odd; a sphere has one face less then. */
 static void every_level_has_its_count_and_is_clean(void **state)
 {
@@ -162,7 +147,7 @@ static void threads_and_ceiling_change_no_byte(void **state)
 	l.f.params.memory = (size_t)24 << 20;
 	assert_int_equal(reduce(&l.f), WH_OK);
 	for (size_t i = 0; i < l.n; i++)
-		same_file(before[i], l.path[i]);
+		same_bytes(before[i], l.path[i]);
 	drop(&l.f);
 }
 
@@ -219,7 +204,7 @@ static void a_run_that_was_stopped_goes_on(void **state)
 		l.f.params.resume = true;
 		assert_int_equal(reduce(&l.f), WH_OK);
 		for (size_t i = 0; i < l.n; i++)
-			same_file(whole[i], l.path[i]);
+			same_bytes(whole[i], l.path[i]);
 		for (size_t i = 0; i + 1 < l.n; i++) {
 			assert_int_equal(l.f.report.level[i].faces, usual[i] & ~(uint64_t)1);
 			assert_string_equal(l.f.report.level[i].checksum, report.level[i].checksum);

@@ -33,22 +33,6 @@ static double keep_left(void *user, const wh_edge_view *edge, double place[3])
 	return length2(edge->second);
 }
 
-/* The bytes of the files, to be compared. */
-static void same_files(const char *a, const char *b)
-{
-	FILE *f = fopen(a, "rb"), *g = fopen(b, "rb");
-	assert_non_null(f);
-	assert_non_null(g);
-	int x, y;
-	do {
-		x = fgetc(f);
-		y = fgetc(g);
-		assert_int_equal(x, y);
-	} while (x != EOF);
-	(void)fclose(f);
-	(void)fclose(g);
-}
-
 /* Vertices of a binary PLY of floats that lie left of the line. */
 static uint64_t left_of(const char *path, double line)
 {
@@ -105,7 +89,7 @@ static void it_decides_the_same_on_any_number_of_threads(void **state)
 	f.params.output = other;
 	f.params.threads = 1;
 	assert_int_equal(reduce(&f), WH_OK);
-	same_files(f.out, other);
+	same_bytes(f.out, other);
 	drop(&f);
 }
 

@@ -11,6 +11,14 @@ fail() {
 	failures=$((failures + 1))
 }
 
+# Temporary files of the commands go to temp; what is mounted there ($mounted) goes in the end.
+use_temp() {
+	mounted=
+	trap '[ -z "$mounted" ] || umount "$mounted"; rm -rf "$dir"' EXIT
+	mkdir temp
+	export TMPDIR=$dir/temp
+}
+
 # expect STATUS COMMAND...: runs it, keeps its words in out and err
 expect() {
 	local want=$1 got

@@ -2,14 +2,8 @@
 # signals, the words and statuses. (test_resume.c stops at chosen ones and damages what is kept.)
 kill_moments=$(realpath "$(dirname "$0")/../../bench/kill")
 . "$(dirname "$0")/lib.sh"
-mounted=
-cleanup() {
-	[ -z "$mounted" ] || umount "$mounted"
-	rm -rf "$dir"
-}
-trap cleanup EXIT
-mkdir temp place
-export TMPDIR=$dir/temp
+use_temp
+mkdir place
 if ! python3 -c 'import subprocess' 2>/dev/null; then
 	echo "skipped: there is no python3"
 	exit 77

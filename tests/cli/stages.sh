@@ -1,14 +1,7 @@
 # whittle plan --run-dir and whittle stage: the bytes of a plain run, whatever the parts, their order
 # and their accidents; and the words when something is missing.
 . "$(dirname "$0")/lib.sh"
-mounted=
-cleanup() {
-	[ -z "$mounted" ] || umount "$mounted"
-	rm -rf "$dir"
-}
-trap cleanup EXIT
-mkdir temp
-export TMPDIR=$dir/temp
+use_temp
 faces=100K
 [ -z "${WHITTLE_SANITIZE:-}" ] || faces=70K
 "$WHITTLE" generate -q -o in.ply --faces "$faces" --order shuffled || exit 1

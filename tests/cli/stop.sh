@@ -2,14 +2,8 @@
 # no threads to be had. It ends soon, says what happened, leaves nothing, and the input is as it was.
 # (test_stop.c stops in every phase and lets every system call fail; here it is real.)
 . "$(dirname "$0")/lib.sh"
-mounted=
-cleanup() {
-	[ -z "$mounted" ] || umount "$mounted"
-	rm -rf "$dir"
-}
-trap cleanup EXIT
-mkdir temp place
-export TMPDIR=$dir/temp
+use_temp
+mkdir place
 if ! python3 -c 'import subprocess' 2>/dev/null; then
 	echo "skipped: there is no python3"
 	exit 77
