@@ -153,20 +153,25 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out)
 	return true;
 }
 
-bool cmd_parse_weld(const char *text, double *distance, double *share)
+bool cmd_parse_percent(const char *text, double *share)
 {
 	char copy[64];
 	const size_t n = strlen(text);
-	if (n == 0 || n >= sizeof copy)
+	if (n < 2 || n >= sizeof copy || text[n - 1] != '%')
 		return false;
-	if (text[n - 1] != '%')
-		return cmd_parse_real(text, distance) && *distance >= 0;
 	memcpy(copy, text, n - 1);
 	copy[n - 1] = '\0';
 	if (!cmd_parse_real(copy, share))
 		return false;
 	*share /= 100;
-	return *share > 0 && *share <= 1;
+	return true;
+}
+
+bool cmd_parse_weld(const char *text, double *distance, double *share)
+{
+	if (cmd_parse_percent(text, share))
+		return *share > 0 && *share <= 1;
+	return cmd_parse_real(text, distance) && *distance >= 0;
 }
 
 const char *cmd_real_text(double x, bool is_double, char text[CMD_REAL_TEXT])

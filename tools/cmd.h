@@ -53,6 +53,9 @@ bool cmd_parse_from(const char *text, wh_format *out);
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);
 
+/* The number in front of a final "%", as a share. False when there is no "%". */
+bool cmd_parse_percent(const char *text, double *share);
+
 /* Parses a distance to weld vertices within: from 0 on, or a share above 0 such as "0.001%". Sets
  * one of the two. */
 bool cmd_parse_weld(const char *text, double *distance, double *share);

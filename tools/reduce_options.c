@@ -94,25 +94,10 @@ static const struct option long_options[] = {
 
 /* ---- arguments ---------------------------------------------------------------------------- */
 
-/* The number in front of a final "%", as a share. False when there is no "%". */
-static bool parse_percent(const char *text, double *share)
-{
-	char copy[64];
-	const size_t n = strlen(text);
-	if (n < 2 || n >= sizeof copy || text[n - 1] != '%')
-		return false;
-	memcpy(copy, text, n - 1);
-	copy[n - 1] = '\0';
-	if (!cmd_parse_real(copy, share))
-		return false;
-	*share /= 100;
-	return true;
-}
-
 bool reduce_parse_target(const char *text, uint64_t *count, double *share)
 {
 	int64_t n;
-	if (parse_percent(text, share))
+	if (cmd_parse_percent(text, share))
 		return *share > 0 && *share <= 1;
 	if (!cmd_parse_count(text, false, &n) || n <= 0)
 		return false;
@@ -131,7 +116,7 @@ static bool parse_size(const char *text, bool binary, uint64_t *out)
 
 bool reduce_parse_error(const char *text, double *error, double *share)
 {
-	if (parse_percent(text, share))
+	if (cmd_parse_percent(text, share))
 		return *share > 0;
 	return cmd_parse_real(text, error) && *error > 0;
 }
@@ -244,7 +229,8 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		ok = reduce_parse_target(arg, &p->vertices, &p->vertex_ratio);
 		break;
 	case OPT_RATIO:
-		ok = (parse_percent(arg, &p->face_ratio) || cmd_parse_real(arg, &p->face_ratio)) &&
+		ok = (cmd_parse_percent(arg, &p->face_ratio) ||
+		      cmd_parse_real(arg, &p->face_ratio)) &&
 		     p->face_ratio > 0 && p->face_ratio <= 1;
 		break;
 	case OPT_ERROR:

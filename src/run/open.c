@@ -339,7 +339,7 @@ static wh_code nothing_left(wh_run *r)
 		               r->params->input, (unsigned long long)r->params->min_component);
 	return wh_fail(r->c, WH_E_INPUT, "%s: all %llu faces are degenerate%s: nothing to reduce",
 	               r->params->input, (unsigned long long)t->input_faces,
-	               wh_run_tidies(r) ? ", or become so without vertices that go" : "");
+	               wh_run_has_hygiene(r) ? ", or become so without vertices that go" : "");
 }
 
 wh_code wh_run_ingest(wh_run *r)
@@ -358,7 +358,7 @@ wh_code wh_run_ingest(wh_run *r)
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;
-	wh_run_note_tidied(r);
+	wh_run_note_hygiene(r);
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
 	t->windows = r->ingest.windows;

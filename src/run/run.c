@@ -138,7 +138,7 @@ bool wh_run_is_no_smaller(const wh_run *r)
 
 bool wh_run_copies(const wh_run *r)
 {
-	if (r->to != r->input.ply.kind || wh_run_tidies(r))
+	if (r->to != r->input.ply.kind || wh_run_has_hygiene(r))
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
@@ -158,7 +158,7 @@ wh_wanted wh_run_wanted(const wh_run *r)
 {
 	uint32_t holds = wh_mesh_holds(r->to);
 	/* none of these takes along what faces carry */
-	if (wh_run_tidies(r) || r->rply || r->params->simplify_topology)
+	if (wh_run_has_hygiene(r) || r->rply || r->params->simplify_topology)
 		holds &= ~(uint32_t)WH_HOLDS_FACES;
 	return (wh_wanted){r->params->attributes, holds};
 }

@@ -2,7 +2,7 @@
  * run: one reduction in progress, and its stages. Only whittle.c calls them, in their order.
  *
  *     open.c     input, plan, ingest; the copy where there is nothing to do
- *     tidy.c     what the user wants gone before anything is reduced
+ *     hygiene.c  what the user wants gone before anything is reduced
  *     seams.c    the cut vertices of the first partition, for those who want to see them
  *     rounds.c   survey, decimate, recut
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
@@ -131,16 +131,16 @@ wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
 
-/* ---- tidy.c ------------------------------------------------------------------------------- */
+/* ---- hygiene.c ---------------------------------------------------------------------------- */
 
 /* True when something is asked for that changes the mesh before it is reduced. */
-bool wh_run_tidies(const wh_run *r);
+bool wh_run_has_hygiene(const wh_run *r);
 /* Takes invalid and welded vertices out of the input, which then is another file. */
 wh_code wh_run_clean_input(wh_run *r);
 /* Takes copies of faces and small components out of the store. */
 wh_code wh_run_sift(wh_run *r);
 /* What both found, now or in an earlier process, into the report. */
-void wh_run_note_tidied(wh_run *r);
+void wh_run_note_hygiene(wh_run *r);
 /* Memory and temporary disk that cleaning takes at least, for the plan. */
 size_t wh_run_clean_bytes(const wh_run *r);
 uint64_t wh_run_clean_disk(const wh_run *r);

@@ -24,7 +24,7 @@ static bool sifts(const wh_run *r)
 	return r->params->weld || r->params->drop_duplicates || r->params->min_component > 0;
 }
 
-bool wh_run_tidies(const wh_run *r)
+bool wh_run_has_hygiene(const wh_run *r)
 {
 	return cleans(r) || sifts(r);
 }
@@ -83,7 +83,7 @@ wh_code wh_run_sift(wh_run *r)
 	return WH_OK;
 }
 
-void wh_run_note_tidied(wh_run *r)
+void wh_run_note_hygiene(wh_run *r)
 {
 	wh_reduce_report *t = r->report;
 	const wh_clean_result *k = &r->clean;
