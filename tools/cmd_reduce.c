@@ -444,7 +444,7 @@ static int tell_result(const reduce_options *o, const cmd_env *env, const wh_red
 	return code == WH_OK ? WH_OK : cmd_report_failure(env);
 }
 
-static wh_code check_names(const reduce_options *o)
+static int check_names(const reduce_options *o)
 {
 	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
 		return WH_E_USAGE;
