@@ -119,7 +119,8 @@ typedef struct wh_reduce_params {
 	uint32_t part;  /* of INGEST and DECIMATE, from 0 */
 	uint32_t round; /* of DECIMATE, from 1 */
 	bool any_parts; /* of PLAN: of a run that there is, whatever its number of parts was; of
-	                   JOIN: parts that are missing are to be done next */
+	                   JOIN: parts that are missing are to be done next; of DECIMATE: the part
+	                   goes on with what the others have not done yet */
 	/* Told in a sentence what a resumed run goes on from. May be NULL. */
 	void (*notice)(void *user, const char *text);
 	void *notice_user;

@@ -163,6 +163,44 @@ static void an_entry_belongs_to_one_file(void **state)
 	drop(&f);
 }
 
+/* However many parts there are, and whether they help: every cluster is one's own exactly once, and
+ * who helps comes to each cluster once, to its own ones first. */
+static void turns_come_to_every_cluster_once(void **state)
+{
+	(void)state;
+	for (uint32_t parts = 1; parts <= 5; parts++)
+		for (uint32_t clusters = 1; clusters <= 13; clusters++) {
+			uint32_t owned = 0;
+			for (uint32_t part = 0; part < parts; part++) {
+				const wh_ledger l = {.part = part, .parts = parts, .helps = true};
+				const wh_ledger own = {.part = part, .parts = parts};
+				bool seen[13] = {false}, others = false;
+				uint32_t n = 0;
+				for (uint32_t t = 0; t < wh_ledger_turns(&l, clusters); t++) {
+					uint32_t k;
+					if (!wh_ledger_turn(&l, clusters, t, &k))
+						continue;
+					assert_true(k < clusters && !seen[k]);
+					seen[k] = true;
+					n++;
+					assert_false(others && wh_ledger_owns(&l, k));
+					others = !wh_ledger_owns(&l, k);
+					owned += !others;
+				}
+				assert_int_equal(n, clusters);
+				for (uint32_t t = 0; t < wh_ledger_turns(&own, clusters); t++) {
+					uint32_t k;
+					if (wh_ledger_turn(&own, clusters, t, &k))
+						assert_true(wh_ledger_owns(&own, k));
+				}
+			}
+			assert_int_equal(owned, clusters);
+		}
+	uint32_t k;
+	assert_int_equal(wh_ledger_turns(NULL, 7), 7);
+	assert_true(wh_ledger_turn(NULL, 7, 6, &k) && k == 6);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -170,6 +208,7 @@ int main(void)
 	    cmocka_unit_test(a_torn_record_ends_the_row),
 	    cmocka_unit_test(clusters_that_are_not_there_have_no_entry),
 	    cmocka_unit_test(an_entry_belongs_to_one_file),
+	    cmocka_unit_test(turns_come_to_every_cluster_once),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

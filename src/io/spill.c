@@ -398,6 +398,12 @@ void wh_spill_remove(wh_spill *s, const char *name)
 		atomic_fetch_sub(&s->held, (uint64_t)st.st_size);
 }
 
+bool wh_spill_has(const wh_spill *s, const char *name)
+{
+	struct stat st;
+	return fstatat(s->dirfd, name, &st, AT_SYMLINK_NOFOLLOW) == 0;
+}
+
 static void account_growth(wh_spill *s, uint64_t bytes)
 {
 	const uint64_t now = atomic_fetch_add(&s->held, bytes) + bytes;

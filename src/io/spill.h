@@ -81,6 +81,7 @@ void wh_spill_close_scratch(wh_spill *s, int fd);
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to);
 /* Removes a file and takes its size off the account; one that does not exist is ignored. */
 void wh_spill_remove(wh_spill *s, const char *name);
+bool wh_spill_has(const wh_spill *s, const char *name);
 
 /* pwrite and pread of exactly n bytes, counted; a short read is WH_E_RUN (a damaged temporary
  * file), a full disk names the folder and suggests --temp-dir. */

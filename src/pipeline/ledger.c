@@ -164,6 +164,37 @@ void wh_ledger_close(wh_ctx *c, wh_ledger *l)
 	*l = (wh_ledger){0};
 }
 
+/* ---- turns -------------------------------------------------------------------------------- */
+
+/* Clusters lie in rows of one for each part; the last row may not be full. */
+static uint32_t rows_of(const wh_ledger *l, uint32_t clusters)
+{
+	return clusters / l->parts + (clusters % l->parts != 0);
+}
+
+uint32_t wh_ledger_turns(const wh_ledger *l, uint32_t clusters)
+{
+	if (!l || l->parts == 0)
+		return clusters;
+	return rows_of(l, clusters) * (l->helps ? l->parts : 1);
+}
+
+bool wh_ledger_turn(const wh_ledger *l, uint32_t clusters, int64_t turn, uint32_t *cluster)
+{
+	uint64_t k = (uint64_t)turn;
+	if (l && l->parts > 0) {
+		const uint32_t rows = rows_of(l, clusters);
+		uint64_t row = k, to_neighbour = 0;
+		if (k >= rows) {
+			row = rows - 1 - (k - rows) / (l->parts - 1);
+			to_neighbour = 1 + (k - rows) % (l->parts - 1);
+		}
+		k = row * l->parts + (l->part + to_neighbour) % l->parts;
+	}
+	*cluster = (uint32_t)k;
+	return k < clusters;
+}
+
 /* ---- entries ------------------------------------------------------------------------------ */
 
 wh_code wh_ledger_put(wh_ctx *c, wh_ledger *l, wh_ledger_kind kind, uint32_t cluster,

@@ -44,6 +44,7 @@ typedef struct wh_ledger {
 	uint64_t *at[WH_LEDGER_KINDS]; /* where the record of each cluster is; 0: none */
 	pthread_mutex_t growing;       /* held while a record is appended */
 	uint32_t part, parts;          /* this process does every parts-th cluster; 0 parts: all */
+	bool helps;  /* and then those of the other parts that are not there yet */
 	bool trusts; /* a saved cluster is taken for whole when its header is that of the entry: who
 	                loads it looks at the rest */
 } wh_ledger;
@@ -53,8 +54,17 @@ wh_code wh_ledger_open(wh_ctx *c, wh_ledger *l, wh_spill *spill, const char *nam
                        uint32_t clusters);
 /* Takes over the entries of the ledgers of its folder that are called NAME or NAME.WORD. */
 wh_code wh_ledger_take(wh_ctx *c, wh_ledger *l, const char *name);
-/* True when the cluster is one for this process. NULL: all are. */
-static inline bool wh_ledger_wants(const wh_ledger *l, uint32_t cluster)
+/*
+ * The order in which this process goes through the clusters of a round: by turns, of which some are
+ * of none (wh_ledger_turn is false). Its own come first, upwards. Where it helps, it goes on with
+ * those of the others, downwards, so that it meets each of them late, and every process begins with
+ * another neighbour: what has its file by then is passed over, and the little that two do at the
+ * same time comes out the same. NULL: all are its own.
+ */
+uint32_t wh_ledger_turns(const wh_ledger *l, uint32_t clusters);
+bool wh_ledger_turn(const wh_ledger *l, uint32_t clusters, int64_t turn, uint32_t *cluster);
+/* True for a cluster that is this process' own. */
+static inline bool wh_ledger_owns(const wh_ledger *l, uint32_t cluster)
 {
 	return !l || l->parts == 0 || cluster % l->parts == l->part;
 }

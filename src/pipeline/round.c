@@ -131,14 +131,23 @@ static wh_code pass_over(wh_ctx *c, const reduce_run *r, uint32_t k)
 	return code;
 }
 
+/* True for a cluster of another part that is done. */
+static bool is_elsewhere(const wh_ctx *c, const reduce_run *r, uint32_t k)
+{
+	wh_ctx own = wh_ctx_fork(c);
+	uint64_t checksum;
+	return !wh_ledger_owns(r->to->ledger, k) &&
+	       wh_store_checksum(&own, r->to, k, &checksum) == WH_OK;
+}
+
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const reduce_run *r = arg;
 	wh_hand *h = &r->hands[worker];
-	const uint32_t k = (uint32_t)index;
-	wh_round_result *out = &r->part[index];
-	if (!wh_ledger_wants(r->to->ledger, k))
+	uint32_t k;
+	if (!wh_ledger_turn(r->to->ledger, r->from->clusters, index, &k) || is_elsewhere(c, r, k))
 		return WH_OK;
+	wh_round_result *out = &r->part[k];
 	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
 		return pass_over(c, r, k);
 	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
@@ -182,7 +191,8 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	wh_code code = c->err.code;
 	if (code == WH_OK)
-		code = wh_exec_for(c, ex, from->clusters, reduce_job, &r);
+		code =
+		    wh_exec_for(c, ex, wh_ledger_turns(to->ledger, from->clusters), reduce_job, &r);
 	*result = (wh_round_result){0};
 	for (uint32_t k = 0; code == WH_OK && k < from->clusters; k++)
 		wh_round_result_add(result, &r.part[k]);

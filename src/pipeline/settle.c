@@ -133,26 +133,35 @@ static wh_code reduce_on_trial(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun 
 	return wh_rerun_end(c, rerun, wh_cluster_reduce(c, h->work, &h->patch, &p, done));
 }
 
+/* True for a cluster of another part whose trial is done. */
+static bool is_elsewhere(const settle *s, uint32_t k)
+{
+	wh_rerun_file name;
+	return !wh_ledger_owns(s->to->ledger, k) &&
+	       wh_spill_has(s->to->spill, wh_rerun_name(k, name));
+}
+
 static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
 	wh_hand *h = &s->hands[worker];
 	wh_cost_log *log = &s->scratch[worker];
-	if (!wh_ledger_wants(s->to->ledger, (uint32_t)index))
+	uint32_t k;
+	if (!wh_ledger_turn(s->to->ledger, s->from->clusters, index, &k) || is_elsewhere(s, k))
 		return WH_OK;
-	if (s->to->ledger && recall_trial(c, s, (uint32_t)index, &h->scratch))
-		return pass_over(c, s, (uint32_t)index);
-	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+	if (s->to->ledger && recall_trial(c, s, k, &h->scratch))
+		return pass_over(c, s, k);
+	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
 	wh_simplify_result done = {0};
-	if (reduce_on_trial(c, s, h, &s->rerun[worker], (uint32_t)index, log, &done) != WH_OK)
+	if (reduce_on_trial(c, s, h, &s->rerun[worker], k, log, &done) != WH_OK)
 		return c->err.code;
-	s->open[index] = done.border > 0;
+	s->open[k] = done.border > 0;
 	wh_progress_add(s->progress, before);
-	if (wh_quota_note(c, &s->log[index], log) != WH_OK)
+	if (wh_quota_note(c, &s->log[k], log) != WH_OK)
 		return c->err.code;
-	return note_trial(c, s, (uint32_t)index);
+	return note_trial(c, s, k);
 }
 
 /* ---- in earnest --------------------------------------------------------------------------- */
@@ -275,7 +284,8 @@ static wh_code perform(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t faces, 
 static wh_code share_out(wh_ctx *c, const wh_exec *ex, settle *s, wh_quota *sum)
 {
 	const wh_settle_params *p = s->params;
-	if (wh_exec_for(c, ex, s->from->clusters, trial_job, s) != WH_OK)
+	const uint32_t turns = wh_ledger_turns(s->to->ledger, s->from->clusters);
+	if (wh_exec_for(c, ex, turns, trial_job, s) != WH_OK)
 		return c->err.code;
 	if (s->to->ledger && s->to->ledger->parts) /* nobody knows of the other trials yet */
 		return WH_OK;

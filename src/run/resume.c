@@ -642,6 +642,7 @@ wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind)
 	l->trusts = r->params->stage != WH_STAGE_ALL;
 	l->parts = part ? (uint32_t)r->book.parts : 0;
 	l->part = r->params->part;
+	l->helps = r->params->any_parts;
 	return l;
 }
 

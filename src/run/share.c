@@ -11,8 +11,10 @@
  *     settle    every parts-th cluster, on trial      collapses, and a ledger
  *
  * What is there counts, not who made it: a part that is lost is done again, one that is done twice
- * leaves the same, under names that appear when a file is whole. Surveys, cutting anew, the last
- * pass and the output are done alone.
+ * leaves the same, under names that appear when a file is whole. So the processes of one job need
+ * no messages to share clusters by demand: who is done with its own goes on with those of the
+ * others that have no file yet (wh_ledger_turn). Surveys, cutting anew, the last pass and the
+ * output are done alone.
  */
 #include "run/run.h"
 
