@@ -705,6 +705,34 @@ static void outputs_of_the_run_may_be_there(void **state)
 	drop_trial(&t);
 }
 
+/* The same when the run that wrote it ended before it was left, its clusters are gone, and the one
+ * that began again from the input was stopped, too. */
+static void outputs_stay_the_runs_own(void **state)
+{
+	(void)state;
+	trial t;
+	char command[PATH_MAX];
+	make_trial(&t, IN_MEMORY);
+	atomic_store(&calls_seen, 0);
+	assert_int_equal(reduce(&t.f), WH_OK);
+	const long calls = atomic_load(&calls_seen);
+	ended_well(&t);
+	atomic_store(&calls_left,
+	             calls - 1); /* the last is for the folder, once the name is there */
+	assert_int_equal(reduce(&t.f), WH_E_RUN);
+	atomic_store(&calls_left, -1);
+	assert_int_equal(access(t.f.out, F_OK), 0);
+	(void)snprintf(command, sizeof command, "rm %s/round*", t.inside);
+	assert_int_equal(system(command), 0); /* NOLINT(cert-env33-c): a name of our own */
+	t.f.params.resume = true;
+	listen(&t, event_of(&t, "decimate", 3));
+	assert_int_equal(reduce(&t.f), WH_E_INTERRUPT);
+	assert_non_null(strstr(t.l->notice, "from the input again"));
+	resume(&t, 0);
+	ended_well(&t);
+	drop_trial(&t);
+}
+
 static void wait_in_the_round(void *user, const char *phase, uint64_t done, uint64_t total)
 {
 	(void)total;
@@ -760,7 +788,7 @@ static void take_over(void *user, const char *phase, uint64_t done, uint64_t tot
 		return;
 	h->done = true;
 	path_in(h->t, "manifest", path);
-	write_file(path, "whittle-run 1 0123456789\n", 25);
+	write_file(path, "whittle-run 2 0123456789\n", 25);
 }
 
 static void a_process_that_lost_its_folder_gives_up(void **state)
@@ -795,6 +823,7 @@ int main(void)
 	    cmocka_unit_test(resuming_nothing_starts),
 	    cmocka_unit_test(failures_before_the_first_step_leave_nothing),
 	    cmocka_unit_test(outputs_of_the_run_may_be_there),
+	    cmocka_unit_test(outputs_stay_the_runs_own),
 	    cmocka_unit_test(a_second_process_is_refused),
 	    cmocka_unit_test(a_process_that_lost_its_folder_gives_up),
 	};

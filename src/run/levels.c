@@ -61,19 +61,16 @@ bool wh_run_is_delivered(wh_run *r)
 	return true;
 }
 
-void wh_run_note_level(wh_run *r, wh_step *step)
+void wh_run_note_level(wh_run *r, const wh_written *w)
 {
 	const wh_reduce_report *t = r->report;
 	const double unit = 1 / r->ingest.scale;
 	wh_level_report *l = &r->report->level[r->at];
-	step->result = r->at;
-	if (wh_run_is_last(r))
-		return;
 	*l = (wh_level_report){.target_faces = t->target_faces,
 	                       .target_vertices = t->target_vertices,
 	                       .vertices = t->output_vertices,
 	                       .faces = t->output_faces,
-	                       .bytes = step->output_bytes,
+	                       .bytes = w->output_bytes,
 	                       .cost_distance = r->work.cost_distance * unit,
 	                       .accumulated_error = r->work.highest_err * unit,
 	                       .checked = t->checked,
@@ -85,6 +82,5 @@ void wh_run_note_level(wh_run *r, wh_step *step)
 		l->nonmanifold_edges = t->nonmanifold_edges;
 		l->components = t->components;
 	}
-	memcpy(l->checksum, step->output, sizeof l->checksum);
-	step->level = *l;
+	memcpy(l->checksum, w->output, sizeof l->checksum);
 }

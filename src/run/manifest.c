@@ -16,7 +16,7 @@
 
 #include <xxhash.h>
 
-#define MAGIC "whittle-run 1 "
+#define MAGIC "whittle-run 2 "
 
 enum {
 	LINE = 512,          /* bytes of a line, at most */
@@ -177,10 +177,6 @@ static const field step_fields[] = {
     ROW(wh_step, NUMBER, ingest.face_reads),
     ROW(wh_step, NUMBER, cuts),
     ROW(wh_step, NUMBER, cuts_checksum),
-    ROW(wh_step, NUMBER, output_bytes),
-    ROW(wh_step, NUMBER, seams_bytes),
-    TEXT_ROW(wh_step, output),
-    TEXT_ROW(wh_step, seams),
     ROW(wh_step, NUMBER, result),
     ROW(wh_step, NUMBER, level.target_faces),
     ROW(wh_step, NUMBER, level.target_vertices),
@@ -198,6 +194,12 @@ static const field step_fields[] = {
     ROW(wh_step, FLAG, level.exhausted),
     TEXT_ROW(wh_step, level.checksum),
     END,
+};
+
+static const field written_fields[] = {
+    ROW(wh_written, NUMBER, result),      ROW(wh_written, NUMBER, output_bytes),
+    ROW(wh_written, NUMBER, seams_bytes), TEXT_ROW(wh_written, output),
+    TEXT_ROW(wh_written, seams),          END,
 };
 
 _Static_assert(sizeof(wh_vec3) == 3 * sizeof(double), "a place is three reals in a row");
@@ -316,6 +318,9 @@ static wh_code put_all(wh_ctx *c, text *t, const wh_manifest *m)
 		if (put_struct(c, t, line, &m->step[i], step_fields) != WH_OK)
 			return c->err.code;
 	}
+	for (size_t i = 0; i < m->n_written; i++)
+		if (put_struct(c, t, "written", &m->written[i], written_fields) != WH_OK)
+			return c->err.code;
 	(void)snprintf(line, sizeof line, "checksum %016" PRIx64 "\n",
 	               (uint64_t)XXH3_64bits(t->at, t->n));
 	return put(c, t, line);
@@ -390,6 +395,15 @@ static bool get_field(const section *s, const char *line)
 	return true;
 }
 
+static wh_code add_written(wh_ctx *c, wh_manifest *m, const wh_written *w)
+{
+	if (wh_reserve(c, &m->written, &m->written_cap, m->n_written + 1, sizeof *m->written) !=
+	    WH_OK)
+		return c->err.code;
+	m->written[m->n_written++] = *w;
+	return WH_OK;
+}
+
 /* A title opens a section. */
 static wh_code open_section(wh_ctx *c, wh_manifest *m, const char *title, section *s)
 {
@@ -398,6 +412,11 @@ static wh_code open_section(wh_ctx *c, wh_manifest *m, const char *title, sectio
 		*s = (section){m, run_fields};
 	if (strcmp(title, "[parameters]") == 0)
 		*s = (section){&m->choices, choice_fields};
+	if (strcmp(title, "[written]") == 0) {
+		if (add_written(c, m, &(wh_written){0}) != WH_OK)
+			return c->err.code;
+		*s = (section){&m->written[m->n_written - 1], written_fields};
+	}
 	char full[LINE];
 	for (int i = 0; i < WH_PHASES; i++) {
 		(void)snprintf(full, sizeof full, "[phase %s]", wh_phase_name((wh_phase)i));
@@ -519,6 +538,7 @@ bool wh_manifest_is_ours(wh_ctx *c, wh_spill *spill, const char *token)
 void wh_manifest_free(wh_ctx *c, wh_manifest *m)
 {
 	wh_free(c, m->step);
+	wh_free(c, m->written);
 	*m = (wh_manifest){0};
 }
 
@@ -528,6 +548,16 @@ wh_code wh_manifest_add(wh_ctx *c, wh_manifest *m, const wh_step *step)
 		return c->err.code;
 	m->step[m->steps++] = *step;
 	return WH_OK;
+}
+
+wh_code wh_manifest_note_written(wh_ctx *c, wh_manifest *m, const wh_written *w)
+{
+	for (size_t i = 0; i < m->n_written; i++)
+		if (m->written[i].result == w->result) {
+			m->written[i] = *w;
+			return WH_OK;
+		}
+	return add_written(c, m, w);
 }
 
 /* A parameter as people write it. */

@@ -6,7 +6,7 @@
  * cluster files: a run that is resumed goes through its stages again and takes the results of
  * these steps from here. The file is text:
  *
- *     whittle-run 1 TOKEN
+ *     whittle-run 2 TOKEN
  *     [run]
  *     version 0.1.0
  *     pid 4711
@@ -78,11 +78,17 @@ typedef struct wh_step {
 	wh_ingest_result ingest;
 	uint64_t cuts, cuts_checksum;
 	/* write: */
+	uint64_t result;       /* which of the run's results */
+	wh_level_report level; /* what became of it, but for the last */
+} wh_step;
+
+/* Outputs that were about to get their names, and have perhaps got them. Unlike steps they are
+ * never forgotten: whatever is done again, they are the run's own, and may be replaced. */
+typedef struct wh_written {
+	uint64_t result; /* which of the run's results */
 	uint64_t output_bytes, seams_bytes;
 	char output[33], seams[33]; /* checksums */
-	uint64_t result;            /* which of the run's results */
-	wh_level_report level;      /* what became of it, but for the last */
-} wh_step;
+} wh_written;
 
 typedef struct wh_manifest {
 	char token[WH_SPILL_TAG]; /* of the process at work */
@@ -107,10 +113,14 @@ typedef struct wh_manifest {
 	wh_phase_report phase[WH_PHASES];
 	wh_step *step;
 	size_t steps, cap;
+	wh_written *written; /* one for a result at most */
+	size_t n_written, written_cap;
 } wh_manifest;
 
 void wh_manifest_free(wh_ctx *c, wh_manifest *m);
 wh_code wh_manifest_add(wh_ctx *c, wh_manifest *m, const wh_step *step);
+/* Instead of what there was of the same result. */
+wh_code wh_manifest_note_written(wh_ctx *c, wh_manifest *m, const wh_written *w);
 
 /* Replaces the file. */
 wh_code wh_manifest_write(wh_ctx *c, wh_spill *spill, const wh_manifest *m);

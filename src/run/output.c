@@ -46,13 +46,18 @@ wh_code wh_run_open_output(wh_run *r, wh_outfile **out)
 /* From here on what appears under the outputs' names may be our own. */
 static wh_code record(wh_run *r, const wh_outfile *out)
 {
-	wh_step step = {.kind = WH_STEP_WRITE, .output_bytes = wh_outfile_bytes(out)};
-	wh_outfile_checksum(out, step.output);
-	wh_run_note_level(r, &step);
-	if (r->seams && wh_run_is_last(r)) {
-		step.seams_bytes = wh_outfile_bytes(r->seams);
-		wh_outfile_checksum(r->seams, step.seams);
+	wh_step step = {.kind = WH_STEP_WRITE, .result = r->at};
+	wh_written w = {.result = r->at, .output_bytes = wh_outfile_bytes(out)};
+	wh_outfile_checksum(out, w.output);
+	if (!wh_run_is_last(r)) {
+		wh_run_note_level(r, &w);
+		step.level = r->report->level[r->at];
+	} else if (r->seams) {
+		w.seams_bytes = wh_outfile_bytes(r->seams);
+		wh_outfile_checksum(r->seams, w.seams);
 	}
+	if (r->journaled && wh_manifest_note_written(r->c, &r->book, &w) != WH_OK)
+		return r->c->err.code;
 	return wh_run_record(r, &step);
 }
 

@@ -456,14 +456,15 @@ static void look_at_outputs(wh_run *r)
 		wh_outfile_clear(r->c, wh_run_result(r, i).output, m->token);
 	if (p->seams)
 		wh_outfile_clear(r->c, p->seams, m->token);
-	for (size_t n = 0; n < m->steps; n++) {
-		const wh_step *s = &m->step[n];
-		if (s->kind != WH_STEP_WRITE || s->result > p->levels)
+	for (size_t n = 0; n < m->n_written; n++) {
+		const wh_written *w = &m->written[n];
+		if (w->result > p->levels)
 			continue;
-		r->replace_level[s->result] = wh_outfile_is(
-		    r->c, wh_run_result(r, s->result).output, s->output_bytes, s->output);
-		r->replace_seams = s->result == p->levels && p->seams &&
-		                   wh_outfile_is(r->c, p->seams, s->seams_bytes, s->seams);
+		r->replace_level[w->result] = wh_outfile_is(
+		    r->c, wh_run_result(r, w->result).output, w->output_bytes, w->output);
+		if (w->result == p->levels)
+			r->replace_seams =
+			    p->seams && wh_outfile_is(r->c, p->seams, w->seams_bytes, w->seams);
 	}
 }
 
@@ -515,7 +516,7 @@ static wh_code go_on(wh_run *r)
 		return r->c->err.code;
 	wh_manifest *m = &r->book;
 	if (m->steps > 0 && m->step[m->steps - 1].kind == WH_STEP_WRITE)
-		m->steps--; /* it is done again; the file still tells whose the outputs are */
+		m->steps--; /* it is done again */
 	if (staged)         /* whoever loads a cluster finds out whether it is whole */
 		return WH_OK;
 	if (find_whole_store(r) != WH_OK)

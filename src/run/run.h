@@ -170,8 +170,8 @@ void wh_run_aim(wh_run *r, size_t i);
 bool wh_run_leaves_out(wh_run *r);
 /* True when an earlier process has delivered the level that was reached. */
 bool wh_run_is_delivered(wh_run *r);
-/* The level is in its output, and will have its name once this is recorded. */
-void wh_run_note_level(wh_run *r, wh_step *step);
+/* The level at hand, which is not the last, is in its output. */
+void wh_run_note_level(wh_run *r, const wh_written *w);
 
 /* ---- resume.c ----------------------------------------------------------------------------- */
 
