@@ -28,16 +28,19 @@ holds() {
 		"$(number report.json clusters)" 0
 	near "$name, $memory: rounds" "$(number plan.json rounds)" "$(number report.json rounds)" 0
 	[ -z "${WHITTLE_SANITIZE:-}" ] || return 0 # sanitizers need memory of their own
-	# what two threads hold at once differs by a tenth from run to run: the mean of two
-	local first
-	first=$(number report.json peak_rss_bytes)
-	expect 0 "$WHITTLE" reduce -q -f --memory "$memory" "$@" -o o.ply --report report.json
-	local second
-	second=$(number report.json peak_rss_bytes)
-	near "$name, $memory: memory" "$(number plan.json peak_rss_bytes)" \
-		$(((first + second) / 2)) 10
-	[ "$first" -le $((${memory%M} << 20)) ] && [ "$second" -le $((${memory%M} << 20)) ] ||
-		fail "$name: more than $memory: $first, $second"
+	# two threads that happen not to be at their most together take less than a run can: the
+	# largest of a few runs counts
+	local predicted highest=0 runs=0 peak
+	predicted=$(number plan.json peak_rss_bytes)
+	while [ $runs -lt 4 ] && [ "$predicted" -gt $((highest * 11 / 10)) ]; do
+		[ $runs -eq 0 ] || expect 0 "$WHITTLE" reduce -q -f --memory "$memory" "$@" -o o.ply \
+			--report report.json
+		runs=$((runs + 1))
+		peak=$(number report.json peak_rss_bytes)
+		[ "$peak" -gt $highest ] && highest=$peak
+		[ "$peak" -le $((${memory%M} << 20)) ] || fail "$name: more than $memory: $peak"
+	done
+	near "$name, $memory: memory" "$predicted" "$highest" 10
 }
 
 "$WHITTLE" generate -q -o sphere.ply --faces 2M
