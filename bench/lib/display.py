@@ -5,9 +5,9 @@ import subprocess
 
 
 @contextlib.contextmanager
-def for_programs(programs):
-    """DISPLAY is set inside, when MeshLab is among the programs and there is none."""
-    if os.environ.get("DISPLAY") or not any(p.name == "MeshLab" for p in programs):
+def virtual():
+    """DISPLAY is set inside: to a server of our own where there is none."""
+    if os.environ.get("DISPLAY"):
         yield
         return
     server = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"],
@@ -19,3 +19,8 @@ def for_programs(programs):
         del os.environ["DISPLAY"]
         server.terminate()
         server.wait()
+
+
+def for_programs(programs):
+    """The same where MeshLab is among the programs, else nothing."""
+    return virtual() if any(p.name == "MeshLab" for p in programs) else contextlib.nullcontext()
