@@ -2,7 +2,8 @@
 """Looks at a page of whittle report in a headless Chromium, through chromedriver's protocol.
 
 usage: browser.py PAGE.html LEVELS       are the view and its controls alive? one line a failure
-       browser.py PAGE.html --pictures DIR    screenshots: first screen, view, dark, a phone's width
+       browser.py PAGE.html --pictures DIR    screenshots: first screen, view, dark, a phone's width;
+                                              and print.pdf, the page on paper
 
 Nothing but Python's standard library. Status 77 where there is no Chromium, 1 after failures.
 """
@@ -22,6 +23,7 @@ CHROMIUM = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-f
             "--disable-background-networking", "--disable-component-update", "--disable-sync",
             "--hide-scrollbars"]
 WAIT = 60  # seconds, for what takes a moment on a quiet machine
+LONGEST = 300  # seconds, for one request: a page of a large mesh, drawn without a graphics card
 
 
 class Browser:
@@ -40,15 +42,17 @@ class Browser:
         self.url = f"http://127.0.0.1:{port}/session"
         options = {"args": CHROMIUM + [f"--window-size={size[0]},{size[1]}"] + list(more),
                    "binary": shutil.which("chromium")}
+        limits = {"script": LONGEST * 1000, "pageLoad": LONGEST * 1000}
         made = self.ask("", {"capabilities": {"alwaysMatch": {
-            "goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}}})
+            "timeouts": limits, "goog:chromeOptions": options,
+            "goog:loggingPrefs": {"browser": "ALL"}}}})
         self.url += "/" + made["sessionId"]
 
     def ask(self, what, body=None, method=None):
         request = urllib.request.Request(
             self.url + what, json.dumps(body).encode() if body is not None else None,
             {"Content-Type": "application/json"}, method=method)
-        with urllib.request.urlopen(request, timeout=120) as answer:
+        with urllib.request.urlopen(request, timeout=LONGEST + 30) as answer:
             return json.load(answer)["value"]
 
     def run(self, script):
@@ -193,6 +197,8 @@ def pictures(page, folder):
             settled(browser) if browser.run("return !!document.getElementById('canvas')") else None
             time.sleep(0.5)
             browser.picture(f"{folder}/{name}.png")
+        with open(f"{folder}/print.pdf", "wb") as f:
+            f.write(base64.b64decode(browser.ask("/print", {"background": True})))
     finally:
         browser.close()
     return 0
