@@ -603,14 +603,16 @@ static wh_mesh load(fixture *f, const char *path)
 static wh_compare measure(fixture *f, const char *seams)
 {
 	const wh_exec ex = {.workers = 2};
+	wh_compare r;
+	const wh_measure_other other = {f->out, WH_FORMAT_ANY, &r};
 	const wh_measure_params p = {.a = f->in,
-	                             .b = f->out,
+	                             .other = &other,
+	                             .others = 1,
 	                             .seams = seams,
 	                             .samples = 100000,
 	                             .temp_dir = f->temp,
 	                             .memory = (size_t)256 << 20};
-	wh_compare r;
-	assert_int_equal(wh_measure_files(&f->t.ctx, &ex, &p, &r, NULL), WH_OK);
+	assert_int_equal(wh_measure_files(&f->t.ctx, &ex, &p), WH_OK);
 	return r;
 }
 

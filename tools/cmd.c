@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 /* The signal that asked to stop, 0 while none has: what every context's cancel points to. */
 static volatile sig_atomic_t stop_signal;
@@ -181,6 +182,19 @@ const char *cmd_real_text(double x, bool is_double, char text[CMD_REAL_TEXT])
 		(void)snprintf(text, CMD_REAL_TEXT, "%.*g", digits, x);
 	while (is_double && digits++ < 17 && strtod(text, NULL) != x);
 	return text;
+}
+
+bool cmd_is_dash(const char *name)
+{
+	return name && strcmp(name, "-") == 0;
+}
+
+bool cmd_same_file(const char *a, const char *b)
+{
+	struct stat x, y;
+	if (strcmp(a, b) == 0)
+		return true;
+	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
 }
 
 bool cmd_parse_from(const char *text, wh_format *out)

@@ -47,6 +47,12 @@ int cmd_usage_error(const char *name, const char *fmt, ...) __attribute__((forma
  * when it is not such a number or does not fit in 63 bits. */
 bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 
+/* True for the name of standard input or output; name may be NULL. */
+bool cmd_is_dash(const char *name);
+
+/* True when both names lead to one file. */
+bool cmd_same_file(const char *a, const char *b);
+
 /* Parses the name of a format that can be read. */
 bool cmd_parse_from(const char *text, wh_format *out);
 

@@ -145,18 +145,20 @@ static wh_code compare_files(cmd_env *e, const options *o, results *r)
 {
 	progress_bar bar;
 	progress_bar_init(&bar, !o->quiet);
+	const wh_measure_other other[] = {{o->path[1], o->from, &r->b},
+	                                  {o->reference, o->from, &r->reference}};
 	const wh_measure_params p = {.a = o->path[0],
-	                             .b = o->path[1],
-	                             .reference = o->reference,
-	                             .seams = o->seams,
 	                             .from = o->from,
+	                             .other = other,
+	                             .others = o->reference ? 2 : 1,
+	                             .seams = o->seams,
 	                             .samples = (uint64_t)o->samples,
 	                             .seed = (uint64_t)o->seed,
 	                             .temp_dir = o->temp_dir,
 	                             .memory = (size_t)o->memory,
 	                             .progress = progress_bar_tell,
 	                             .progress_user = &bar};
-	const wh_code code = wh_measure_files(&e->ctx, &e->exec, &p, &r->b, &r->reference);
+	const wh_code code = wh_measure_files(&e->ctx, &e->exec, &p);
 	progress_bar_end(&bar);
 	return code;
 }

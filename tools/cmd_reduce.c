@@ -1,17 +1,16 @@
 /* whittle reduce: options -> parameters -> one call -> words, report, exit status. */
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
-#include "compare_json.h"
 #include "progress_bar.h"
+#include "reduce_measure.h"
 #include "reduce_options.h"
 #include "reduce_report.h"
 #include "reduce_run.h"
 #include "whittle.h"
 
-#include "pipeline/measure.h"
-
 #include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -63,7 +62,7 @@ static const char help[] =
     "      --ascii           text instead of binary (PLY, STL)\n"
     "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
     "      --report FILE     what was done, as JSON\n"
-    "      --measure         how far the result is from IN, in the summary and the report\n"
+    "      --measure         how far each result is from IN, in the summary and the report\n"
     "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
     "  -f, --force           write over existing outputs\n"
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"
@@ -73,26 +72,12 @@ static const char help[] =
     "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
     "                        at once; above, it goes cluster by cluster\n";
 
-static bool is_dash(const char *name)
-{
-	return name && strcmp(name, "-") == 0;
-}
-
-/* True when both names lead to one file. */
-static bool same_file(const char *a, const char *b)
-{
-	struct stat x, y;
-	if (strcmp(a, b) == 0)
-		return true;
-	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
-}
-
 /* The report may replace an older one when asked to, but neither mesh. */
 static int check_report_name(const reduce_options *o)
 {
 	if (!o->report)
 		return WH_OK;
-	if (same_file(o->report, o->params.output) || same_file(o->report, o->params.input))
+	if (cmd_same_file(o->report, o->params.output) || cmd_same_file(o->report, o->params.input))
 		return cmd_usage_error("reduce", "--report '%s' is the input or the output",
 		                       o->report);
 	struct stat st;
@@ -108,27 +93,10 @@ static int check_seams_name(const reduce_options *o)
 	const char *seams = o->params.seams;
 	if (!seams)
 		return WH_OK;
-	if (same_file(seams, o->params.output) || same_file(seams, o->params.input) ||
-	    (o->report && same_file(seams, o->report)))
+	if (cmd_same_file(seams, o->params.output) || cmd_same_file(seams, o->params.input) ||
+	    (o->report && cmd_same_file(seams, o->report)))
 		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
 		                       seams);
-	return WH_OK;
-}
-
-/* Both meshes are read again, from where they lie. */
-static int check_measure(const reduce_options *o)
-{
-	const wh_reduce_params *p = &o->params;
-	if (!o->measure)
-		return WH_OK;
-	if (is_dash(p->output) || same_file(p->input, p->output))
-		return cmd_usage_error("reduce",
-		                       "--measure needs an output that is a file of its own");
-	if (is_dash(p->seams))
-		return cmd_usage_error("reduce", "--measure needs --seams to be a file");
-	if ((p->to && strncmp(p->to, "glb", 3) == 0) ||
-	    (!p->to && wh_format_of_name(p->output) == WH_FORMAT_GLB))
-		return cmd_usage_error("reduce", "--measure cannot read glb: write another format");
 	return WH_OK;
 }
 
@@ -261,7 +229,8 @@ static void print_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 
 static bool prints_output(const reduce_options *o)
 {
-	return is_dash(o->params.output) || is_dash(o->report) || is_dash(o->params.seams);
+	return cmd_is_dash(o->params.output) || cmd_is_dash(o->report) ||
+	       cmd_is_dash(o->params.seams);
 }
 
 static void print_notice(void *user, const char *text)
@@ -387,57 +356,21 @@ static int tell_rank_failure(const reduce_options *o, const cmd_env *env, const 
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-/* The distance of the input from the result, by the same means. */
-static wh_code measure(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
-                       wh_compare *measured)
-{
-	progress_bar bar;
-	wh_ctx c = wh_ctx_fork(&env->ctx);
-	const wh_exec ex = {.workers = r->threads};
-	const wh_measure_params p = {.a = o->params.input,
-	                             .b = o->params.output,
-	                             .seams = o->params.seams,
-	                             .temp_dir = o->params.temp_dir,
-	                             .memory = r->memory_ceiling,
-	                             .progress = progress_bar_tell,
-	                             .progress_user = &bar};
-	progress_bar_init(&bar, !o->quiet && !o->no_progress);
-	const wh_code code = wh_measure_files(&c, &ex, &p, measured, NULL);
-	progress_bar_end(&bar);
-	if (code != WH_OK)
-		(void)fprintf(stderr,
-		              "whittle %s: the mesh was written, but its distance not measured: "
-		              "%s\n",
-		              env->name, c.err.text);
-	return code;
-}
-
-static void print_measured(FILE *f, const wh_compare *m)
-{
-	(void)fprintf(f,
-	              "measured: RMS %.6g (%.2f millionths of the diagonal), mean %.6g, 99 %% "
-	              "%.6g, max %.6g\n",
-	              m->rms, compare_millionths(m->rms, m->diagonal), m->both.mean, m->both.p99,
-	              m->both.max);
-	if (m->banded)
-		(void)fprintf(f, "along the seams: RMS %.6g, elsewhere %.6g\n", m->band.rms,
-		              m->interior.rms);
-}
-
 /* Words and report of a run that has come to its end. */
 static int tell_result(const reduce_options *o, const cmd_env *env, const wh_reduce_report *r,
                        wh_code code)
 {
 	FILE *words = prints_output(o) ? stderr : stdout;
-	wh_compare measured;
+	wh_compare *measured = NULL;
 	if (!o->quiet)
 		print_summary(words, o, r);
-	const wh_code failed = o->measure ? measure(o, env, r, &measured) : WH_OK;
-	const bool known = o->measure && failed == WH_OK;
-	if (known && !o->quiet)
-		print_measured(words, &measured);
-	if (o->report &&
-	    reduce_report_write(env, o->report, &o->params, r, known ? &measured : NULL) != 0)
+	const wh_code failed = o->measure ? reduce_measure(o, env, r, &measured) : WH_OK;
+	if (measured && !o->quiet)
+		reduce_measure_print(words, o, r, measured);
+	const bool told =
+	    !o->report || reduce_report_write(env, o->report, &o->params, r, measured) == 0;
+	free(measured);
+	if (!told)
 		return WH_E_RUN;
 	if (failed != WH_OK)
 		return failed == WH_E_INTERRUPT ? cmd_report_failure(env) : (int)failed;
@@ -448,7 +381,7 @@ static int check_names(const reduce_options *o)
 {
 	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
 		return WH_E_USAGE;
-	return check_measure(o);
+	return reduce_measure_check(o);
 }
 
 /* Progress and notices go to the user. */

@@ -117,3 +117,92 @@ int compare_json_fill(json_t *j, const wh_compare *r)
 		bad |= json_array_append_new(regions, json_region(&r->region[i]));
 	return bad | json_object_set_new(j, "regions", regions);
 }
+
+/* ---- reading -------------------------------------------------------------------------------- */
+
+/* Reads of one object; `bad` once something was not there, or not what it should be. */
+typedef struct reading {
+	const json_t *j;
+	bool bad;
+} reading;
+
+static double read_real(reading *g, const char *key)
+{
+	const json_t *v = json_object_get(g->j, key);
+	g->bad |= !json_is_number(v);
+	return json_number_value(v);
+}
+
+static uint64_t read_count(reading *g, const char *key)
+{
+	const json_t *v = json_object_get(g->j, key);
+	g->bad |= !json_is_integer(v) || json_integer_value(v) < 0;
+	return (uint64_t)json_integer_value(v);
+}
+
+static void read_histogram(reading *g, const json_t *j, wh_histogram *h)
+{
+	const json_t *end = json_object_get(j, "end"), *count = json_object_get(j, "count");
+	g->bad |= json_array_size(end) != WH_HISTOGRAM || json_array_size(count) != WH_HISTOGRAM;
+	for (int i = 0; !g->bad && i < WH_HISTOGRAM; i++) {
+		const json_t *e = json_array_get(end, (size_t)i);
+		const json_t *n = json_array_get(count, (size_t)i);
+		g->bad |= !json_is_number(e) || !json_is_integer(n) || json_integer_value(n) < 0;
+		h->end[i] = json_number_value(e);
+		h->count[i] = (uint64_t)json_integer_value(n);
+	}
+}
+
+/* Mean, RMS and samples of another kind of difference; none where there is no such object. */
+static void read_means(reading *g, const char *key, double *mean, double *rms, uint64_t *n)
+{
+	reading of = {.j = json_object_get(g->j, key)};
+	if (!of.j)
+		return;
+	*mean = read_real(&of, "mean");
+	*rms = read_real(&of, "rms");
+	*n = read_count(&of, "samples");
+	g->bad |= of.bad;
+}
+
+static bool read_side(const json_t *j, wh_distance *d)
+{
+	reading g = {.j = j};
+	for (int i = 0; i < COMPARE_ROWS; i++) {
+		const double v = read_real(&g, compare_rows[i].key);
+		memcpy((char *)d + compare_rows[i].offset, &v, sizeof v);
+	}
+	d->samples = read_count(&g, "samples");
+	d->vertices = read_count(&g, "vertices");
+	read_means(&g, "normal", &d->normal_mean, &d->normal_rms, &d->normals);
+	read_means(&g, "colour", &d->colour_mean, &d->colour_rms, &d->colours);
+	read_histogram(&g, json_object_get(j, "histogram"), &d->histogram);
+	return !g.bad;
+}
+
+static bool read_zone(const json_t *j, wh_compare_zone *z)
+{
+	reading g = {.j = j};
+	z->faces = read_count(&g, "faces");
+	z->area = read_real(&g, "area");
+	z->samples = read_count(&g, "samples");
+	z->rms = read_real(&g, "rms");
+	return !g.bad;
+}
+
+bool compare_json_read(const json_t *j, wh_compare *r)
+{
+	reading g = {.j = j};
+	const json_t *seams = json_object_get(j, "seams");
+	*r = (wh_compare){.banded = seams};
+	r->diagonal = read_real(&g, "diagonal");
+	r->rms = read_real(&g, "rms");
+	r->normal_rms = read_real(&g, "normal_rms");
+	r->colour_rms = json_number_value(json_object_get(j, "colour_rms"));
+	const bool sides = read_side(json_object_get(j, "a_to_b"), &r->a_to_b) &&
+	                   read_side(json_object_get(j, "b_to_a"), &r->b_to_a) &&
+	                   read_side(json_object_get(j, "both"), &r->both);
+	return !g.bad && sides &&
+	       (!seams || (read_zone(json_object_get(seams, "band"), &r->band) &&
+	                   read_zone(json_object_get(seams, "interior"), &r->interior)));
+}

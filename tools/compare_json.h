@@ -21,6 +21,10 @@ double compare_value(const wh_distance *d, const compare_row *w);
 /* In millionths of the diagonal; 0 when there is none. */
 double compare_millionths(double x, double diagonal);
 
+/* What compare_json_fill and, where there were seams, compare_seams_json wrote, but for the
+ * regions. False when it is not that. */
+bool compare_json_read(const json_t *j, wh_compare *r);
+
 /* Adds all but the zones along seams to an object. Nonzero: out of memory. */
 int compare_json_fill(json_t *j, const wh_compare *r);
 

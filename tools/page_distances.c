@@ -162,9 +162,18 @@ static void put_seam(const page_out *o, const page_mesh *m)
 	page_put(o, "</tr>\n");
 }
 
+/* Given on the command line, or to the run that measured. */
+static bool has_seams(const page_work *w)
+{
+	for (int i = 1; i < w->n; i++)
+		if (w->mesh[i].distance.banded)
+			return true;
+	return false;
+}
+
 void page_write_seams(const page_work *w, const page_out *o)
 {
-	if (!w->o->seams)
+	if (!has_seams(w))
 		return;
 	page_put(o,
 	         "<section id=\"seams\"><h2>Along the cuts</h2>\n<p>Faces within three of the cuts "

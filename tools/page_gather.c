@@ -1,4 +1,5 @@
 /* What a page needs of the meshes, through the library's calls. */
+#include "compare_json.h"
 #include "page_parts.h"
 
 #include "pipeline/measure.h"
@@ -57,17 +58,28 @@ static wh_code read_run(page_work *w, const char *path, json_t **run)
 	return WH_OK;
 }
 
-/* A report is of the level whose file it names, or else has the size of. */
+/* An object of a report tells of this file: by its name and size. */
+static bool tells_of(const json_t *o, const page_mesh *m)
+{
+	const char *path = json_string_value(json_object_get(o, "path"));
+	const json_int_t bytes = json_integer_value(json_object_get(o, "bytes"));
+	return path && strcmp(page_name(path), page_name(m->path)) == 0 &&
+	       (uint64_t)bytes == m->bytes;
+}
+
+/* Finds the levels that a run has measured from the same input. */
 static void match_run(page_work *w, const json_t *run)
 {
-	const json_t *output = json_object_get(run, "output");
-	const char *path = json_string_value(json_object_get(output, "path"));
-	const json_int_t bytes = json_integer_value(json_object_get(output, "bytes"));
+	const json_t *list = json_object_get(run, "levels"), *level;
+	size_t at;
+	if (!tells_of(json_object_get(run, "input"), &w->mesh[0]))
+		return;
 	for (int i = 1; i < w->n; i++) {
 		page_mesh *m = &w->mesh[i];
-		const bool named = path && strcmp(page_name(path), page_name(m->path)) == 0;
-		if (!m->run && named && (uint64_t)bytes == m->bytes)
-			m->run = run;
+		if (tells_of(json_object_get(run, "output"), m))
+			m->measured = json_object_get(run, "measured");
+		json_array_foreach(list, at, level) if (tells_of(level, m)) m->measured =
+		    json_object_get(level, "measured");
 	}
 }
 
@@ -177,20 +189,29 @@ static wh_ctx open_account(const page_work *w, wh_mem *mem, size_t *memory)
 	return c;
 }
 
-static wh_code measure_level(page_work *w, page_mesh *level)
+/* The figures of the run that made the level, where it has those that are wanted. */
+static bool is_measured(const page_work *w, page_mesh *level)
+{
+	return level->measured && w->o->samples == 0 &&
+	       compare_json_read(level->measured, &level->distance) &&
+	       (level->distance.banded || !w->o->seams);
+}
+
+static wh_code measure(page_work *w, const wh_measure_other *other, size_t n)
 {
 	wh_mem mem;
 	size_t memory;
 	wh_ctx c = open_account(w, &mem, &memory);
 	const wh_measure_params p = {.a = w->mesh[0].path,
-	                             .b = level->path,
+	                             .other = other,
+	                             .others = n,
 	                             .seams = w->o->seams,
 	                             .samples = (uint64_t)w->o->samples,
 	                             .temp_dir = w->o->temp_dir,
 	                             .memory = memory,
 	                             .progress = progress_bar_tell,
 	                             .progress_user = w->bar};
-	const wh_code code = wh_measure_files(&c, w->ex, &p, &level->distance, NULL);
+	const wh_code code = wh_measure_files(&c, w->ex, &p);
 	if (code != WH_OK)
 		w->c->err = c.err;
 	return code;
@@ -198,10 +219,15 @@ static wh_code measure_level(page_work *w, page_mesh *level)
 
 wh_code page_compare(page_work *w)
 {
-	wh_code code = WH_OK;
-	for (int i = 1; code == WH_OK && i < w->n; i++)
-		code = measure_level(w, &w->mesh[i]);
-	return code;
+	wh_measure_other other[REPORT_FILES];
+	size_t n = 0;
+	for (int i = 1; i < w->n; i++) {
+		page_mesh *level = &w->mesh[i];
+		if (!is_measured(w, level))
+			other[n++] =
+			    (wh_measure_other){level->path, WH_FORMAT_ANY, &level->distance};
+	}
+	return n > 0 ? measure(w, other, n) : WH_OK;
 }
 
 /* ---- meshes --------------------------------------------------------------------------------- */

@@ -30,7 +30,7 @@ typedef struct page_mesh {
 	wh_compare distance;        /* the input is a, the level b */
 	wh_compact shown;           /* what the page holds of it; its faces may be fewer */
 	wh_compact_grid grid;
-	const json_t *run; /* how it was made; NULL: not said */
+	const json_t *measured; /* by the run that made it; NULL: by none */
 } page_mesh;
 
 typedef struct page_work {

@@ -129,8 +129,18 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	(void)json_object_set_new(o, "euler_characteristic", json_integer(r->euler));
 }
 
+/* a is the input, b a result. */
+static void put_measured(json_t *root, const wh_compare *measured)
+{
+	json_t *o = put_object(root, "measured");
+	(void)compare_json_fill(o, measured);
+	if (measured->banded)
+		(void)json_object_set_new(o, "seams", compare_seams_json(measured, NULL));
+}
+
 /* The results before the last, which the rest of the report is about. */
-static void put_levels(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)
+static void put_levels(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r,
+                       const wh_compare *measured)
 {
 	json_t *list = json_array();
 	for (size_t i = 0; i < p->levels; i++) {
@@ -156,6 +166,8 @@ static void put_levels(json_t *root, const wh_reduce_params *p, const wh_reduce_
 			put_count(o, "nonmanifold_edges", l->nonmanifold_edges);
 			put_count(o, "components", l->components);
 		}
+		if (measured && !l->left_out)
+			put_measured(o, &measured[i]);
 		(void)json_array_append_new(list, o);
 	}
 	(void)json_object_set_new(root, "levels", list);
@@ -225,17 +237,6 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 }
 
-/* a is the input, b the output. */
-static void put_measured(json_t *root, const wh_compare *measured)
-{
-	if (!measured)
-		return;
-	json_t *o = put_object(root, "measured");
-	(void)compare_json_fill(o, measured);
-	if (measured->banded)
-		(void)json_object_set_new(o, "seams", compare_seams_json(measured, NULL));
-}
-
 static wh_code write_text(wh_ctx *c, const char *path, bool force, const json_t *root)
 {
 	wh_outfile *o;
@@ -276,9 +277,10 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_hygiene(root, p, r);
 	put_output(root, p, r);
 	put_outcome(root, r);
-	put_levels(root, p, r);
+	put_levels(root, p, r, measured);
 	put_costs(root, r);
-	put_measured(root, measured);
+	if (measured)
+		put_measured(root, &measured[p->levels]);
 	wh_ctx c = wh_ctx_fork(&e->ctx);
 	const wh_code code = write_text(&c, path, p->force, root);
 	json_decref(root);

@@ -14,8 +14,9 @@ double reduce_faces_per_second(const wh_reduce_report *r);
  * not. Leaves no trace. */
 int reduce_report_try(const cmd_env *e, const char *path, bool force);
 
-/* Writes the report to `path` ("-": standard output). `measured`: NULL, or the distance of the
- * input from the result. 0, or -1 after printing why not. */
+/* Writes the report to `path` ("-": standard output). `measured`: NULL, or the distances of
+ * the input from each level and from the output, which is the last. 0, or -1 after printing why
+ * not. */
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
                         const wh_reduce_report *r, const struct wh_compare *measured);
 

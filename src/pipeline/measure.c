@@ -25,11 +25,11 @@ static size_t room(const measuring *m)
 	return m->job->budget > held ? m->job->budget - held : 1;
 }
 
-static wh_code open_surface(const measuring *m, const char *path, bool numbered, uint32_t number,
-                            wh_surface *s)
+static wh_code open_surface(const measuring *m, const char *path, wh_format from, bool numbered,
+                            uint32_t number, wh_surface *s)
 {
 	const wh_surface_params p = {.path = path,
-	                             .from = m->job->from,
+	                             .from = from,
 	                             .colours = true,
 	                             .numbered = numbered,
 	                             .number = number,
@@ -60,27 +60,25 @@ static wh_code compare(const measuring *m, wh_surface *a, wh_surface *b, wh_comp
 }
 
 /* Opens another file and measures a against it. */
-static wh_code compare_with(const measuring *m, wh_surface *a, const char *path, uint32_t number,
-                            wh_compare *r)
+static wh_code compare_with(const measuring *m, wh_surface *a, const wh_measure_other *other,
+                            uint32_t number)
 {
 	wh_surface b;
-	wh_code code = open_surface(m, path, m->job->cuts != NULL, number, &b);
+	wh_code code = open_surface(m, other->path, other->from, m->job->cuts != NULL, number, &b);
 	if (code == WH_OK)
-		code = compare(m, a, &b, r);
+		code = compare(m, a, &b, other->result);
 	wh_surface_close(m->c, &b);
 	return code;
 }
 
 wh_code wh_measure(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_progress *progress,
-                   const wh_measure_job *job, uint32_t number, wh_compare *r, wh_compare *reference)
+                   const wh_measure_job *job, uint32_t number)
 {
 	const measuring m = {c, ex, spill, progress, job, atomic_load(&c->mem->used)};
 	wh_surface a;
-	wh_code code = open_surface(&m, job->a, false, number, &a);
-	if (code == WH_OK)
-		code = compare_with(&m, &a, job->b, number + 1, r);
-	if (code == WH_OK && job->reference)
-		code = compare_with(&m, &a, job->reference, number + 2, reference);
+	wh_code code = open_surface(&m, job->a, job->from, false, number, &a);
+	for (size_t i = 0; code == WH_OK && i < job->others; i++)
+		code = compare_with(&m, &a, &job->other[i], number + 1 + (uint32_t)i);
 	wh_surface_close(c, &a);
 	return code;
 }
@@ -88,14 +86,14 @@ wh_code wh_measure(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_progress *p
 /* ---- as a process of its own ---------------------------------------------------------------- */
 
 static wh_code measure_in(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const wh_measure_params *p,
-                          size_t memory, wh_compare *r, wh_compare *reference)
+                          size_t memory)
 {
 	wh_progress progress = {
 	    .fn = p->progress, .user = p->progress_user, .telling = ATOMIC_FLAG_INIT};
 	wh_measure_job job = {.a = p->a,
-	                      .b = p->b,
-	                      .reference = p->reference,
 	                      .from = p->from,
+	                      .other = p->other,
+	                      .others = p->others,
 	                      .samples = p->samples,
 	                      .seed = p->seed,
 	                      .ceiling = memory,
@@ -108,21 +106,20 @@ static wh_code measure_in(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const w
 		job.cuts_user = &points;
 		job.ncuts = points.n;
 	}
-	const wh_code code = wh_measure(c, ex, spill, &progress, &job, 0, r, reference);
+	const wh_code code = wh_measure(c, ex, spill, &progress, &job, 0);
 	wh_points_close(c, &points);
 	return code;
 }
 
-wh_code wh_measure_files(wh_ctx *c, const wh_exec *ex, const wh_measure_params *p, wh_compare *r,
-                         wh_compare *reference)
+wh_code wh_measure_files(wh_ctx *c, const wh_exec *ex, const wh_measure_params *p)
 {
 	const size_t memory = p->memory ? p->memory : wh_topo_memory() / 2;
 	const size_t old_limit = c->mem->limit;
 	wh_spill spill;
 	c->mem->limit = memory > OPEN_BYTES ? memory - BASE_BYTES / 2 : OPEN_BYTES;
-	wh_code code = wh_spill_open(c, &spill, p->temp_dir, "/tmp");
+	wh_code code = wh_spill_open(c, &spill, p->temp_dir, p->fallback ? p->fallback : "/tmp");
 	if (code == WH_OK) {
-		code = measure_in(c, ex, &spill, p, memory, r, reference);
+		code = measure_in(c, ex, &spill, p, memory);
 		wh_spill_close(c, &spill);
 	}
 	wh_mem_trim(c);

@@ -100,6 +100,33 @@ expect 2 "$WHITTLE" reduce b.ply -o - --faces 30% --measure
 expect 2 "$WHITTLE" reduce b.ply -o b.ply -f --faces 30% --measure
 expect 2 "$WHITTLE" reduce b.ply -o b.glb --faces 30% --measure
 
+# each level, but those left out, as compare says
+expect 0 "$WHITTLE" reduce b.ply -o lod.ply --levels 90%,40%,20% --measure --report lod.json
+[ "$(grep -c '^lod-.* measured: RMS ' out)" -eq 3 ] || fail "not three levels: $(cat out)"
+expect 0 "$WHITTLE" reduce b.ply -f -o lod.ply --levels 1M,2K,1K --measure --report lod.json
+[ "$(grep -c '^lod-.* measured: RMS ' out)" -eq 2 ] || fail "not two levels: $(cat out)"
+for n in 2000 1000; do
+	rms=$(sed -n "s/^lod-$n.ply measured: RMS [^(]*(\([0-9.]*\) mill.*/\1/p" out)
+	"$WHITTLE" compare b.ply "lod-$n.ply" >compared
+	grep -q "^larger RMS .* = $rms millionths" compared || fail "lod-$n: compare says otherwise than $rms"
+done
+[ "$(grep -c '"regions": ' lod.json)" -eq 2 ] || fail "not two figures in the report"
+
+# an input that is what --from says, not what it looks like
+"$WHITTLE" reduce b.ply -q -o b.obj --faces 50%
+(echo ply && cat b.obj) >odd
+expect 0 "$WHITTLE" reduce odd --from obj -o from.ply --faces 1K --measure
+grep -q '^measured: RMS ' out || fail "not measured: $(cat out)"
+
+# with a run directory, and of a run that was begun elsewhere
+expect 0 "$WHITTLE" reduce b.ply -o plain.ply --faces 1K --cluster-faces 2K --run-dir run --measure
+figures=$(grep '^measured: ' out)
+[ ! -e run ] || fail "the run directory is left"
+"$WHITTLE" plan b.ply -o again.ply --faces 1K --cluster-faces 2K --run-dir run --parts 2 >/dev/null
+expect 0 "$WHITTLE" stage ingest --run-dir run --part 1/2
+expect 0 "$WHITTLE" reduce b.ply -o again.ply --faces 1K --cluster-faces 2K --run-dir run --resume --measure
+[ -n "$figures" ] && grep -qF "$figures" out || fail "other figures: $(cat out)"
+
 # refusals
 expect 2 "$WHITTLE" compare a.ply b.ply --reference b.ply
 expect 3 "$WHITTLE" compare a.ply b.ply --seams low.ply

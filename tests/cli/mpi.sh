@@ -32,10 +32,11 @@ whole() {
 }
 for n in "2 2" "4 1"; do
 	# shellcheck disable=SC2086
-	ranks $n --report "report${n% *}.json" || fail "$n: $(cat err)"
+	ranks $n --report "report${n% *}.json" --measure || fail "$n: $(cat err)"
 	whole "$n"
 	[ ! -e out.ply.run ] || fail "$n: the run directory is left"
 	grep -q "\"ranks\": ${n% *}" "report${n% *}.json" || fail "$n: ranks in the report"
+	[ "$(grep -c '^measured: RMS ' out)" -eq 1 ] || fail "$n: not measured once: $(cat out)"
 	[ "$(grep -c 'faces ->' out)" -eq 1 ] || fail "$n: not one summary: $(cat out)"
 done
 

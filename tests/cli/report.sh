@@ -66,6 +66,29 @@ cp out p.html
 has_not 'id="runs"'
 has_not 'id="seams"'
 
+# distances that a run has measured are not measured again, unless with other samples
+"$WHITTLE" reduce a.ply -o d.ply --levels 2K,500 -q --cluster-faces 2K --measure --seams cuts.ply \
+	--report d.json || fail "reduce"
+python3 - <<'END'
+import json
+run = json.load(open("d.json"))
+run["measured"]["rms"] = 8765
+run["levels"][0]["measured"]["both"]["max"] = 9876
+json.dump(run, open("told.json", "w"))
+del run["levels"][0]["measured"]["both"]["histogram"]["end"][0]
+json.dump(run, open("damaged.json", "w"))
+END
+expect 0 "$WHITTLE" report a.ply d-2000.ply d-500.ply -o p.html -f --json told.json -q --size 200x150
+page p.html 2 a.ply
+for text in "<td>8765</td>" "<td>9876</td>" 'id="seams"'; do
+	has "$text"
+done
+expect 0 "$WHITTLE" report a.ply d-2000.ply d-500.ply -o p.html -f --json damaged.json -q --size 200x150
+has "<td>8765</td>"
+has_not "<td>9876</td>"
+expect 0 report a.ply d-2000.ply d-500.ply -o p.html -f --json told.json -q
+has_not "<td>8765</td>"
+
 # reports of other programs and other times: what is there is shown, what is not is left out
 echo '{"output": {}, "phases": {"ingest": {"seconds": "fast"}, "x<y": {"seconds": 1}, "z": 7},
 	"seconds": [], "threads": -3, "parameters": {"faces": null, "topology": {}, "x": 1e400}}' >e.json
