@@ -189,7 +189,8 @@ typedef struct wh_reduce_report {
 	uint64_t invalid_vertices, invalid_faces;  /* not finite, and what used them */
 	uint64_t welded_vertices, collapsed_faces; /* became another vertex; lost a corner so */
 	double weld_distance;                      /* as worked out */
-	uint64_t duplicate_faces;                  /* copies of a face */
+	uint64_t joined_vertices; /* copies of others along the borders of a texture's charts */
+	uint64_t duplicate_faces; /* copies of a face */
 	uint64_t small_components, component_faces, component_vertices;
 	uint64_t zero_area_faces; /* counted, not dropped, where one of the last three was asked
 	                             for: three different vertices on a line */

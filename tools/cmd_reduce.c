@@ -180,6 +180,9 @@ static void print_notes(FILE *f, const reduce_options *o, const wh_reduce_report
 		(void)fprintf(f, "dropped %llu %s without faces\n",
 		              (unsigned long long)r->unreferenced_vertices,
 		              vertices_word(r->unreferenced_vertices));
+	if (r->joined_vertices)
+		(void)fprintf(f, "joined %llu copies of vertices along borders of charts\n",
+		              (unsigned long long)r->joined_vertices);
 	print_hygiene(f, &o->params, r);
 	print_topology(f, r);
 	if (r->nonmanifold_kept)

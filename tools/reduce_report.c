@@ -107,6 +107,7 @@ static void put_input(json_t *root, const wh_reduce_params *p, const wh_reduce_r
 	put_count(o, "polygons", r->polygons);
 	put_count(o, "degenerate_faces", r->degenerate_faces);
 	put_count(o, "unreferenced_vertices", r->unreferenced_vertices);
+	put_count(o, "joined_vertices", r->joined_vertices);
 	put_text(o, "carried_over", r->carried);
 	put_text(o, "not_carried_over", r->dropped);
 	put_real(o, "diagonal", r->diagonal);

@@ -333,6 +333,41 @@ wh_code wh_attributes_choose_of(wh_ctx *c, const wh_ply *p, int elem, wh_wanted 
 	return WH_OK;
 }
 
+static bool is_of_corners(const wh_attributes *a, uint32_t k)
+{
+	return is_among(k, a->texture, 2) || (a->has_normal && is_among(k, a->normal, 3));
+}
+
+wh_code wh_attributes_part(wh_ctx *c, const wh_attributes *a, bool of_corners, wh_attributes *part)
+{
+	*part = (wh_attributes){.item = wh_alloc(c, a->n, sizeof *a->item)};
+	if (!part->item)
+		return wh_failed(c);
+	for (uint32_t k = 0; of_corners && k < 2; k++)
+		append(part, &a->item[a->texture[k]]);
+	for (uint32_t k = 0; of_corners && a->has_normal && k < 3; k++)
+		append(part, &a->item[a->normal[k]]);
+	for (uint32_t k = 0; !of_corners && k < a->n; k++)
+		if (!is_of_corners(a, k))
+			append(part, &a->item[k]);
+	find_groups(part);
+	return WH_OK;
+}
+
+wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b,
+                           wh_attributes *both)
+{
+	*both = (wh_attributes){.item = wh_alloc(c, (size_t)a->n + b->n, sizeof *a->item)};
+	if (!both->item)
+		return wh_failed(c);
+	for (uint32_t k = 0; k < a->n; k++)
+		append(both, &a->item[k]);
+	for (uint32_t k = 0; k < b->n; k++)
+		append(both, &b->item[k]);
+	find_groups(both);
+	return WH_OK;
+}
+
 void wh_attributes_free(wh_ctx *c, wh_attributes *a)
 {
 	wh_free(c, a->item);
@@ -377,7 +412,8 @@ static wh_code weigh_one(wh_ctx *c, const char *path, const char *text, size_t n
 	if (!found)
 		return wh_fail(
 		    c, WH_E_USAGE,
-		    "weight '%.*s': '%s' has no such vertex property, or it is not carried",
+		    "weight '%.*s': '%s' has no such vertex property, or it is not carried, or "
+		    "belongs to corners, as those of textures do",
 		    n > 100 ? 100 : (int)n, text, path);
 	return WH_OK;
 }

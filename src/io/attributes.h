@@ -82,8 +82,9 @@ enum {
 	WH_HOLDS_ALPHA = 2,
 	WH_HOLDS_NORMAL = 4,
 	WH_HOLDS_TEXTURE = 8,
-	WH_HOLDS_ALL = 255,  /* any property of vertices */
-	WH_HOLDS_FACES = 256 /* what faces and their corners carry (wedges.h) */
+	WH_HOLDS_ALL = 255,    /* any property of vertices */
+	WH_HOLDS_FACES = 256,  /* what faces carry (wedges.h) */
+	WH_HOLDS_CORNERS = 512 /* what their corners do: as it is, or by doubled vertices */
 };
 
 /* What to carry: names as below, as far as the output has room for it. */
@@ -103,6 +104,14 @@ wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_at
 wh_code wh_attributes_choose_of(wh_ctx *c, const wh_ply *p, int elem, wh_wanted wanted,
                                 wh_attributes *a);
 void wh_attributes_free(wh_ctx *c, wh_attributes *a);
+
+/* Of attributes with texture coordinates: these, u first, and behind them normals, which belong to
+ * the corners of faces where vertices are doubled (wedges.h); or, unless of_corners, the others, in
+ * their order. *part refers to what a does. */
+wh_code wh_attributes_part(wh_ctx *c, const wh_attributes *a, bool of_corners, wh_attributes *part);
+/* Those of a, and behind them those of b. */
+wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b,
+                           wh_attributes *both);
 
 /* True when such a list means a property of this name and kind. */
 bool wh_attributes_names(const char *wanted, const char *name, wh_kind kind);

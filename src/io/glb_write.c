@@ -10,9 +10,10 @@
 #include <stdio.h>
 
 enum {
-	JSON = 3072,  /* bytes of it, at most */
-	HEADERS = 28, /* bytes: of the file, and of its two chunks */
-	STEPS = 65535 /* of the longest side of the box, quantized */
+	JSON = 8192,     /* bytes of it, at most, ... */
+	URI_MOST = 4096, /* ... of which the name of a file takes as many */
+	HEADERS = 28,    /* bytes: of the file, and of its two chunks */
+	STEPS = 65535    /* of the longest side of the box, quantized */
 };
 
 /* glTF's numbers of types */
@@ -67,11 +68,17 @@ static bool has_colour(const wh_glb *g)
 	return g->attributes && g->attributes->has_rgb;
 }
 
+static bool has_texture(const wh_glb *g)
+{
+	return g->attributes && g->attributes->has_texture;
+}
+
 static void lay_out(wh_glb *g)
 {
 	g->normal_at = g->quantize ? 8 : 12;
 	g->colour_at = g->normal_at + (!has_normal(g) ? 0 : g->quantize ? 4 : 12);
-	g->stride = g->colour_at + (!has_colour(g) ? 0 : g->quantize ? 4 : 8);
+	g->texture_at = g->colour_at + (!has_colour(g) ? 0 : g->quantize ? 4 : 8);
+	g->stride = g->texture_at + (has_texture(g) ? 8 : 0);
 	g->small_ids = g->quantize && g->nv <= UINT16_MAX;
 	for (int i = 0; has_colour(g) && i < 256; i++)
 		g->light[i] = (uint16_t)rint(65535 * light_of(i / 255.0));
@@ -132,16 +139,52 @@ static char *put_node(const wh_glb *g, char *to)
 	return to + sprintf(to, "}],");
 }
 
+/* A name that would be too long is left out. */
+static bool names_texture(const wh_glb *g)
+{
+	return has_texture(g) && g->texture && 3 * strlen(g->texture) < URI_MOST;
+}
+
+/* The name of a file as a relative reference (RFC 3986): all but letters, digits and a few more in
+ * hexadecimal. */
+static char *put_uri(char *to, const char *name)
+{
+	static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+	                            "-._~/";
+	for (; *name; name++) {
+		if (strchr(plain, *name))
+			*to++ = *name;
+		else if (*name == '\\') /* as some programs write them */
+			*to++ = '/';
+		else
+			to += sprintf(to, "%%%02X", (unsigned char)*name);
+	}
+	return to;
+}
+
+static char *put_material(const wh_glb *g, char *to)
+{
+	if (!names_texture(g))
+		return to;
+	to += sprintf(to, "\"images\":[{\"uri\":\"");
+	to = put_uri(to, g->texture);
+	return to + sprintf(to, "\"}],\"textures\":[{\"source\":0}],\"materials\":[{"
+	                        "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0},"
+	                        "\"metallicFactor\":0}}],");
+}
+
 static char *put_mesh(const wh_glb *g, char *to)
 {
-	to += sprintf(to,
-	              "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0%s%s},"
-	              "\"indices\":1,\"mode\":4}]}],",
-	              has_normal(g) ? ",\"NORMAL\":2" : "",
-	              !has_colour(g)  ? ""
-	              : has_normal(g) ? ",\"COLOR_0\":3"
-	                              : ",\"COLOR_0\":2");
-	return to;
+	int accessor = 2;
+	to += sprintf(to, "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0");
+	if (has_normal(g))
+		to += sprintf(to, ",\"NORMAL\":%d", accessor++);
+	if (has_colour(g))
+		to += sprintf(to, ",\"COLOR_0\":%d", accessor++);
+	if (has_texture(g))
+		to += sprintf(to, ",\"TEXCOORD_0\":%d", accessor);
+	return to + sprintf(to, "},\"indices\":1,\"mode\":4%s}]}],",
+	                    names_texture(g) ? ",\"material\":0" : "");
 }
 
 /* The bounds as they will be read. */
@@ -178,6 +221,11 @@ static char *put_accessors(const wh_glb *g, char *to, const double lo[3], const 
 		              ",{\"bufferView\":0,\"byteOffset\":%u,\"componentType\":%d,"
 		              "\"normalized\":true,\"count\":%" PRIu64 ",\"type\":\"VEC4\"}",
 		              g->colour_at, g->quantize ? UBYTE : USHORT, g->nv);
+	if (has_texture(g))
+		to += sprintf(to,
+		              ",{\"bufferView\":0,\"byteOffset\":%u,\"componentType\":%d,"
+		              "\"count\":%" PRIu64 ",\"type\":\"VEC2\"}",
+		              g->texture_at, FLOAT, g->nv);
 	return to + sprintf(to, "],");
 }
 
@@ -200,6 +248,7 @@ static size_t put_json(const wh_glb *g, const double lo[3], const double hi[3], 
 	to += sprintf(to, "{\"asset\":{\"version\":\"2.0\",\"generator\":\"whittle\"},");
 	to = put_node(g, to);
 	to = put_mesh(g, to);
+	to = put_material(g, to);
 	to = put_accessors(g, to, lo, hi);
 	to = put_buffers(g, to);
 	while ((to - text) % 4 != 0)
@@ -215,6 +264,7 @@ wh_code wh_glb_begin(wh_ctx *c, wh_glb *g, wh_outfile *out, wh_ply_style style, 
 	*g = (wh_glb){.attributes = style.attributes,
 	              .quantize = style.quantize,
 	              .is_double = style.is_double,
+	              .texture = style.texture,
 	              .nv = nv,
 	              .nf = nf};
 	lay_out(g);
@@ -298,6 +348,13 @@ static unsigned char *put_colour(const wh_glb *g, unsigned char *to, const uint8
 	return put_channel(g, to, (uint32_t)rint(65535 * alpha));
 }
 
+static unsigned char *put_texture(const wh_glb *g, unsigned char *to, const uint8_t *record)
+{
+	const wh_attributes *a = g->attributes;
+	to = put_float(to, wh_attribute_get(&a->item[a->texture[0]], record));
+	return put_float(to, 1 - wh_attribute_get(&a->item[a->texture[1]], record));
+}
+
 unsigned char *wh_glb_vertices(const wh_glb *g, unsigned char *to, const double *xyz,
                                const uint8_t *records, size_t n)
 {
@@ -307,6 +364,8 @@ unsigned char *wh_glb_vertices(const wh_glb *g, unsigned char *to, const double 
 			to = put_normal(g, to, records + i * g->attributes->bytes);
 		if (has_colour(g))
 			to = put_colour(g, to, records + i * g->attributes->bytes);
+		if (has_texture(g))
+			to = put_texture(g, to, records + i * g->attributes->bytes);
 	}
 	return to;
 }

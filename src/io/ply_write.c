@@ -93,9 +93,16 @@ static wh_code write_comments(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
 	return WH_OK;
 }
 
-static wh_code write_face_properties(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
+/* Corners have something in the file. */
+static bool has_corners(wh_ply_style style)
 {
-	if (w && w->corner.n &&
+	return style.wedges && style.wedges->corner.has_texture && !style.doubled;
+}
+
+static wh_code write_face_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)
+{
+	const wh_wedges *w = style.wedges;
+	if (has_corners(style) &&
 	    write_property(
 	        c, o, w->corner.item[0].type == WH_F32 ? "list uchar float" : "list uchar double",
 	        "texcoord") != WH_OK)
@@ -132,7 +139,7 @@ wh_code wh_ply_write_header(wh_ctx *c, wh_outfile *o, wh_ply_style style, uint64
 	             "property list uchar %s vertex_indices\n",
 	             nf, nv < 0x80000000u ? "int" : "uint");
 	if (wh_outfile_write(c, o, text, (size_t)n) != WH_OK ||
-	    write_face_properties(c, o, style.wedges) != WH_OK)
+	    write_face_properties(c, o, style) != WH_OK)
 		return c->err.code;
 	return wh_outfile_write(c, o, "end_header\n", 11);
 }
@@ -321,7 +328,7 @@ static unsigned char *put_carrying(unsigned char *to, wh_ply_style style, const 
 	} else {
 		to += put_triangles(to, ids, 1);
 	}
-	if (w->corner.n)
+	if (has_corners(style))
 		to = put_texcoords(to, style, record);
 	for (uint32_t i = 0; i < w->face.n; i++)
 		to = put_attribute(to, style, &w->face.item[i], wh_wedges_face(w, record));

@@ -40,18 +40,34 @@ static wh_code describe_corner(wh_ctx *c, const wh_ply *p, wh_wedges *w)
 		a->bytes += wh_attribute_bytes(item);
 	}
 	a->file_bytes = a->bytes;
+	a->has_texture = true;
+	a->texture[1] = 1;
 	return WH_OK;
 }
 
-wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_wedges *w)
+/* Of the elements of faces themselves; strips have none of it. */
+static wh_code choose_of_faces(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_wedges *w)
 {
-	*w = (wh_wedges){.list = -1};
 	if (p->face < 0 || (p->strips >= 0 && p->elems[p->strips].count > 0))
 		return WH_OK;
-	w->list = find_list(p, wanted);
-	if ((w->list >= 0 && describe_corner(c, p, w) != WH_OK) ||
-	    wh_attributes_choose_of(c, p, p->face, (wh_wanted){wanted, WH_HOLDS_ALL}, &w->face) !=
-	        WH_OK)
+	if (wanted.holds & WH_HOLDS_CORNERS)
+		w->list = find_list(p, wanted.names);
+	if (w->list >= 0 && describe_corner(c, p, w) != WH_OK)
+		return c->err.code;
+	if (!(wanted.holds & WH_HOLDS_FACES))
+		return WH_OK;
+	return wh_attributes_choose_of(c, p, p->face, (wh_wanted){wanted.names, WH_HOLDS_ALL},
+	                               &w->face);
+}
+
+wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
+                         const wh_attributes *vertices, wh_wedges *w)
+{
+	*w = (wh_wedges){.list = -1};
+	if (choose_of_faces(c, p, wanted, w) != WH_OK)
+		return c->err.code;
+	w->of_vertices = (wanted.holds & WH_HOLDS_CORNERS) && w->list < 0 && vertices->has_texture;
+	if (w->of_vertices && wh_attributes_part(c, vertices, true, &w->corner) != WH_OK)
 		return c->err.code;
 	w->bytes = 3 * w->corner.bytes + w->face.bytes;
 	for (uint32_t i = 0; i < w->face.n; i++)
@@ -79,7 +95,7 @@ void wh_wedges_no_corner(const wh_wedges *w, uint8_t *corner)
 
 bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2])
 {
-	if (w->corner.n == 0)
+	if (!w->corner.has_texture)
 		return false;
 	uv[0] = wh_attribute_get(&w->corner.item[0], corner);
 	uv[1] = wh_attribute_get(&w->corner.item[1], corner);

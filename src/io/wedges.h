@@ -8,12 +8,17 @@
  *
  *     carried         from                                            new values
  *     corners' u, v   PLY: a list of reals called texcoord, two for   averaged inside a chart; on
- *                     each corner; OBJ: vt                            its border always old ones
+ *                     each corner; OBJ: vt; PLY and OFF: s and t,     its border always old ones
+ *                     or the like, of vertices, with normals
  *     faces' labels   whole numbers but those below; OBJ: usemtl, g   a face keeps its own; where
  *                                                                     they change is a border
  *     faces' others   reals, colours, quality ... (attributes.h)      a face keeps its own
  *
  * A corner without texture coordinates has NaN in their place.
+ *
+ * Files whose vertices have texture coordinates have each vertex on a border of charts two or more
+ * times. On the way it is one, with corners that differ (pipeline/atlas.h), and it is doubled again
+ * when it is written.
  */
 #ifndef WH_IO_WEDGES_H
 #define WH_IO_WEDGES_H
@@ -22,23 +27,33 @@
 #include "io/names.h"
 
 typedef struct wh_wedges {
-	wh_attributes corner; /* u and v, or nothing */
+	wh_attributes corner; /* u and v, and perhaps more; or nothing */
 	wh_attributes face;
-	uint32_t bytes;  /* of a face's record; 0: nothing is carried */
-	int list;        /* the property of faces that holds u and v; -1: they are not carried */
-	uint32_t labels; /* of the face's attributes */
+	uint32_t bytes;   /* of a face's record; 0: nothing is carried */
+	int list;         /* the property of faces that holds u and v; -1: they are not carried */
+	bool of_vertices; /* the file has the corners' attributes at its vertices */
+	uint32_t labels;  /* of the face's attributes */
 	/* what the labels of an OBJ file and the texture numbers of a PLY file stand for, owned by
 	 * others; NULL: nothing of that kind */
 	const wh_names *textures, *materials, *groups, *libraries;
 } wh_wedges;
 
 /* Chooses among the properties of faces and corners of p, which must stay open as long as *w is in
- * use; `wanted` as for wh_attributes_choose, which is the one to complain about it. */
-wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, const char *wanted, wh_wedges *w);
+ * use; `wanted` as for wh_attributes_choose, which is the one to complain about it. `vertices`: the
+ * attributes of vertices, whose texture coordinates are carried at corners where there are no
+ * others. */
+wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
+                         const wh_attributes *vertices, wh_wedges *w);
 void wh_wedges_free(wh_ctx *c, wh_wedges *w);
 
 /* A property of faces is carried. `w` may be NULL. */
 bool wh_wedges_has(const wh_wedges *w, int prop);
+
+/* True when the file has some of it at faces and their corners themselves. */
+static inline bool wh_wedges_of_file(const wh_wedges *w)
+{
+	return w->face.n > 0 || (w->corner.n > 0 && !w->of_vertices);
+}
 
 /* Corner k of a face's record, and the part of the face. */
 static inline uint8_t *wh_wedges_corner(const wh_wedges *w, uint8_t *record, uint32_t k)

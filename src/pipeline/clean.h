@@ -39,6 +39,7 @@ typedef struct wh_clean_result {
 	uint64_t collapsed_faces;  /* triangles that lost a corner by welding */
 	uint64_t bytes_read;       /* of the source's files */
 	double distance;           /* that was welded within */
+	uint64_t joined_vertices;  /* copies of others, by pipeline/atlas.h */
 } wh_clean_result;
 
 /*

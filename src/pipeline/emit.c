@@ -2,6 +2,7 @@
 
 #include "base/idmap.h"
 #include "mesh/order.h"
+#include "pipeline/atlas.h"
 #include "pipeline/round.h"
 
 #include <stdlib.h>
@@ -17,7 +18,15 @@ typedef struct emit_hand {
 	uint32_t *number; /* in the output, per vertex */
 	size_t number_cap;
 	wh_mesh_box box;
+	wh_atlas_room room;
+	wh_patch *p; /* what is written: the patch, or that with doubled vertices */
 } emit_hand;
+
+/* One of the copies of a doubled cut vertex, which differ in their attributes. */
+typedef struct cut_copy {
+	uint64_t number; /* in the output */
+	size_t next;     /* 1 + the place of another one; 0: none */
+} cut_copy;
 
 typedef struct emit {
 	const wh_store *store;
@@ -25,7 +34,13 @@ typedef struct emit {
 	wh_mesh_out out;
 	double unscale; /* a power of two */
 	emit_hand *hands;
-	wh_idmap cut;    /* cut vertices: their number in the output */
+	const wh_ply_style *style;
+	bool counting; /* vertices are not written yet */
+	wh_idmap cut;  /* cut vertices: their number in the output; 1 + a place among the copies
+	                  where they are doubled */
+	cut_copy *copy;
+	uint8_t *copy_attr; /* their records */
+	size_t copies, cap_copy, cap_copy_attr;
 	uint64_t *first; /* per cluster, and the end: number of its first vertex */
 } emit;
 
@@ -33,7 +48,11 @@ static wh_code load_ordered(wh_ctx *c, const emit *e, emit_hand *h, int64_t k)
 {
 	if (wh_store_load(c, e->store, (uint32_t)k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
-	return wh_patch_order(c, &h->patch, &h->order);
+	h->p = &h->patch;
+	if (wh_patch_order(c, &h->patch, &h->order) != WH_OK || !e->style->doubled)
+		return c->err.code;
+	return wh_atlas_double(c, &h->patch, e->style->attributes, e->style->wedges,
+	                       e->style->doubled, &h->room, &h->p);
 }
 
 /* ---- vertices ----------------------------------------------------------------------------- */
@@ -44,30 +63,67 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	emit_hand *h = &e->hands[worker];
 	if (load_ordered(c, e, h, index) != WH_OK)
 		return c->err.code;
-	return wh_reserve(c, &h->xyz, &h->xyz_cap, 3 * (size_t)h->patch.nv, sizeof *h->xyz);
+	return wh_reserve(c, &h->xyz, &h->xyz_cap, 3 * (size_t)h->p->nv, sizeof *h->xyz);
 }
 
-/* True when a cut vertex has no number yet; it then gets this one. */
-static wh_code claim(wh_ctx *c, emit *e, uint64_t gid, uint64_t number, bool *ours)
+/* Of the copies of a cut vertex, the one with such a record: 1 + its place; 0: there is none. */
+static size_t find_copy(const emit *e, size_t first, const uint8_t *record, size_t bytes)
 {
-	uint64_t *value = wh_idmap_put(c, &e->cut, gid, ours);
+	while (first && memcmp(e->copy_attr + (first - 1) * bytes, record, bytes) != 0)
+		first = e->copy[first - 1].next;
+	return first;
+}
+
+/* *ours: the copy with such a record has this number; a new one gets it. */
+static wh_code claim_copy(wh_ctx *c, emit *e, uint64_t *first, const uint8_t *record, size_t bytes,
+                          uint64_t number, bool *ours)
+{
+	const size_t at = find_copy(e, *first, record, bytes);
+	*ours = at ? e->copy[at - 1].number == number : true;
+	if (at)
+		return WH_OK;
+	if (wh_reserve(c, &e->copy, &e->cap_copy, e->copies + 1, sizeof *e->copy) != WH_OK ||
+	    wh_reserve(c, &e->copy_attr, &e->cap_copy_attr, (e->copies + 1) * bytes, 1) != WH_OK)
+		return c->err.code;
+	memcpy(e->copy_attr + e->copies * bytes, record, bytes);
+	e->copy[e->copies++] = (cut_copy){number, *first};
+	*first = e->copies;
+	return WH_OK;
+}
+
+/* *ours: vertex v, which is cut, has this number; one that has none gets it. */
+static wh_code claim(wh_ctx *c, emit *e, const wh_patch *p, uint32_t v, uint64_t number, bool *ours)
+{
+	bool fresh;
+	uint64_t *value = wh_idmap_put(c, &e->cut, p->gid[v], &fresh);
 	if (!value)
 		return c->err.code;
-	if (*ours)
+	if (e->style->doubled)
+		return claim_copy(c, e, value, wh_patch_attr(p, v), p->attr_bytes, number, ours);
+	*ours = fresh;
+	if (fresh)
 		*value = number;
 	return WH_OK;
+}
+
+/* The number of a cut vertex. */
+static uint64_t number_of(const emit *e, const wh_patch *p, uint32_t v)
+{
+	const uint64_t at = *wh_idmap_get(&e->cut, p->gid[v]);
+	if (!e->style->doubled)
+		return at;
+	return e->copy[find_copy(e, at, wh_patch_attr(p, v), p->attr_bytes) - 1].number;
 }
 
 static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	emit *e = arg;
 	emit_hand *h = &e->hands[worker];
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = h->p;
 	size_t n = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		bool ours = true;
-		if ((p->flag[v] & WH_CUT) &&
-		    claim(c, e, p->gid[v], e->first[index] + n, &ours) != WH_OK)
+		if ((p->flag[v] & WH_CUT) && claim(c, e, p, v, e->first[index] + n, &ours) != WH_OK)
 			return c->err.code;
 		if (!ours)
 			continue;
@@ -81,7 +137,7 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	}
 	e->first[index + 1] = e->first[index] + n;
 	wh_progress_add(e->progress, p->nf);
-	return wh_mesh_vertices(c, &e->out, h->xyz, p->attr, n);
+	return e->counting ? WH_OK : wh_mesh_vertices(c, &e->out, h->xyz, p->attr, n);
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
@@ -90,16 +146,16 @@ static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const emit *e = arg;
 	emit_hand *h = &e->hands[worker];
-	const wh_patch *p = &h->patch;
-	if (load_ordered(c, e, h, index) != WH_OK ||
-	    wh_reserve(c, &h->number, &h->number_cap, p->nv, sizeof *h->number) != WH_OK)
+	if (load_ordered(c, e, h, index) != WH_OK)
+		return c->err.code;
+	const wh_patch *p = h->p;
+	if (wh_reserve(c, &h->number, &h->number_cap, p->nv, sizeof *h->number) != WH_OK)
 		return c->err.code;
 	uint64_t next = e->first[index];
 	for (uint32_t v = 0; v < p->nv; v++) {
-		const uint64_t *known =
-		    p->flag[v] & WH_CUT ? wh_idmap_get(&e->cut, p->gid[v]) : NULL;
-		h->number[v] = (uint32_t)(known ? *known : next);
-		next += !known || *known == next;
+		const uint64_t number = p->flag[v] & WH_CUT ? number_of(e, p, v) : next;
+		h->number[v] = (uint32_t)number;
+		next += number == next;
 	}
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
 		p->tri[i] = h->number[p->tri[i]];
@@ -110,7 +166,7 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	emit *e = arg;
-	const wh_patch *p = &e->hands[worker].patch;
+	const wh_patch *p = e->hands[worker].p;
 	wh_progress_add(e->progress, p->nf);
 	return wh_mesh_triangles(c, &e->out, p->tri, p->face_bytes ? p->face : NULL, p->nf);
 }
@@ -157,9 +213,11 @@ static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-size_t wh_emit_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
+size_t wh_emit_bytes(const wh_store *store, const struct wh_attributes *doubled, uint64_t nv,
+                     uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) +
+	return (doubled ? wh_atlas_room_bytes(nv, nf, doubled) : 0) +
+	       wh_store_scratch_bytes(store, nv, nf) +
 	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
 	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf, store->face_bytes);
 }
@@ -181,6 +239,19 @@ static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
 	return WH_OK;
 }
 
+/* Where vertices are doubled nobody knows beforehand how many there will be. */
+static wh_code count_vertices(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t *vertices)
+{
+	const int64_t n = e->store->clusters;
+	if (!e->style->doubled)
+		return WH_OK;
+	e->counting = true;
+	const wh_code code = wh_exec_ordered(c, ex, n, vertices_job, vertices_commit, e);
+	e->counting = false;
+	*vertices = e->first[n];
+	return code;
+}
+
 static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t vertices)
 {
 	const int64_t n = e->store->clusters;
@@ -194,26 +265,30 @@ static wh_code both_passes(wh_ctx *c, const wh_exec *ex, emit *e, uint64_t verti
 }
 
 static wh_code write_all(wh_ctx *c, const wh_exec *ex, emit *e, wh_outfile *out, wh_ply_style style,
-                         uint64_t vertices, uint64_t faces)
+                         uint64_t *vertices, uint64_t faces)
 {
 	wh_mesh_box box = {0};
-	wh_progress_phase(e->progress, "write", 2 * faces);
+	wh_progress_phase(e->progress, "write", (style.doubled ? 3 : 2) * faces);
 	if ((wh_mesh_wants_box(style) && find_box(c, ex, e, &box) != WH_OK) ||
-	    wh_mesh_begin(c, &e->out, out, style, vertices, faces, &box) != WH_OK)
+	    count_vertices(c, ex, e, vertices) != WH_OK)
+		return c->err.code;
+	style.attributes = style.doubled ? style.doubled : style.attributes;
+	if (wh_mesh_begin(c, &e->out, out, style, *vertices, faces, &box) != WH_OK)
 		return c->err.code;
 	const wh_code code =
 	    wh_mesh_wants_facets(style)
 	        ? wh_exec_ordered(c, ex, e->store->clusters, facets_job, facets_commit, e)
-	        : both_passes(c, ex, e, vertices);
+	        : both_passes(c, ex, e, *vertices);
 	return code == WH_OK ? wh_mesh_end(c, &e->out) : code;
 }
 
 wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
-                wh_outfile *out, wh_ply_style style, double scale, uint64_t vertices,
+                wh_outfile *out, wh_ply_style style, double scale, uint64_t *vertices,
                 uint64_t faces)
 {
 	emit e = {.store = store,
 	          .progress = progress,
+	          .style = &style,
 	          .unscale = 1 / scale,
 	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
 	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
@@ -225,10 +300,13 @@ wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_st
 		wh_order_work_free(c, &e.hands[i].order);
 		wh_free(c, e.hands[i].xyz);
 		wh_free(c, e.hands[i].number);
+		wh_atlas_room_free(c, &e.hands[i].room);
 	}
 	wh_free(c, e.hands);
 	wh_free(c, e.first);
 	wh_mesh_free_out(c, &e.out);
 	wh_idmap_free(c, &e.cut);
+	wh_free(c, e.copy);
+	wh_free(c, e.copy_attr);
 	return c->err.code;
 }

@@ -1,5 +1,7 @@
 #include "pipeline/finish.h"
 
+#include "pipeline/atlas.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -146,8 +148,8 @@ static void find_box(const wh_patch *p, double unscale, wh_mesh_box *box)
 	}
 }
 
-wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
-                        const wh_patch *p, double scale)
+static wh_code write_patch(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
+                           const wh_patch *p, double scale)
 {
 	double *xyz = wh_alloc(c, WRITE_CHUNK, 3 * sizeof *xyz);
 	if (!xyz)
@@ -184,5 +186,23 @@ wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_pl
 		code = wh_mesh_end(c, &m);
 	wh_mesh_free_out(c, &m);
 	wh_free(c, xyz);
+	return code;
+}
+
+wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
+                        const wh_patch *p, double scale, uint64_t *vertices)
+{
+	wh_atlas_room room = {0};
+	wh_patch *doubled;
+	*vertices = p->nv;
+	if (!style.doubled)
+		return write_patch(c, progress, out, style, p, scale);
+	wh_code code =
+	    wh_atlas_double(c, p, style.attributes, style.wedges, style.doubled, &room, &doubled);
+	style.attributes = style.doubled;
+	if (code == WH_OK)
+		code = write_patch(c, progress, out, style, doubled, scale);
+	*vertices = room.patch.nv;
+	wh_atlas_room_free(c, &room);
 	return code;
 }

@@ -19,8 +19,9 @@ size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t f
 wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
                          uint64_t *unreferenced);
 
-/* Writes p, whose positions were multiplied by `scale`, a power of two, to an open output. */
+/* Writes p, whose positions were multiplied by `scale`, a power of two, to an open output: with so
+ * many vertices, more than p has where the style doubles some. */
 wh_code wh_finish_write(wh_ctx *c, wh_progress *progress, wh_outfile *out, wh_ply_style style,
-                        const wh_patch *p, double scale);
+                        const wh_patch *p, double scale, uint64_t *vertices);
 
 #endif

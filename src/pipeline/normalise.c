@@ -111,13 +111,19 @@ static wh_code rewrite_body(wh_ctx *c, wh_rewrite *w, const wh_input *in)
 	}
 }
 
+/* Attributes of vertices as the file has them. */
+static const wh_attributes *attributes_of_file(const wh_input *in)
+{
+	const wh_attributes *a = in->wedges.of_vertices ? &in->whole : &in->attributes;
+	return a->n ? a : NULL;
+}
+
 static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in,
                        bool needs_faces)
 {
 	wh_rewrite w;
-	const wh_attributes *carried = in->attributes.n ? &in->attributes : NULL;
-	if (wh_rewrite_open(c, &w, ex, spill, &in->ply, carried,
-	                    in->wedges.bytes ? &in->wedges : NULL) != WH_OK)
+	if (wh_rewrite_open(c, &w, ex, spill, &in->ply, attributes_of_file(in),
+	                    wh_wedges_of_file(&in->wedges) ? &in->wedges : NULL) != WH_OK)
 		return c->err.code;
 	wh_code code = rewrite_body(c, &w, in);
 	if (code == WH_OK && needs_faces && w.source.nf == 0)
@@ -137,11 +143,12 @@ static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool f
                            wh_input *in)
 {
 	wh_code code = WH_E_IRREGULAR;
-	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && !in->wedges.bytes &&
+	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && !wh_wedges_of_file(&in->wedges) &&
 	    wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
-	in->source.attributes = in->attributes.n ? &in->attributes : NULL;
-	in->source.wedges = in->wedges.bytes ? &in->wedges : NULL;
+	in->apart = in->wedges.of_vertices;
+	in->source.attributes = attributes_of_file(in);
+	in->source.wedges = NULL;
 	return code == WH_E_IRREGULAR ? rewrite(c, ex, spill, in, true) : code;
 }
 
@@ -249,12 +256,29 @@ wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 	                          in);
 }
 
+/* Vertices' attributes, and which of them go to the corners. */
+static wh_code choose_of_vertices(wh_ctx *c, wh_wanted wanted, wh_input *in)
+{
+	const wh_wanted held = {wanted.names, wanted.holds & WH_HOLDS_ALL};
+	wh_wanted read = held;
+	if (wanted.holds & WH_HOLDS_CORNERS) /* the output has them there, if not at vertices */
+		read.holds |= WH_HOLDS_TEXTURE;
+	if (wh_attributes_choose(c, &in->ply, read, &in->whole) != WH_OK ||
+	    wh_wedges_choose(c, &in->ply, wanted, &in->whole, &in->wedges) != WH_OK)
+		return c->err.code;
+	if (in->wedges.of_vertices)
+		return wh_attributes_part(c, &in->whole, false, &in->attributes);
+	wh_attributes_free(c, &in->whole);
+	if (wh_attributes_choose(c, &in->ply, held, &in->attributes) != WH_OK)
+		return c->err.code;
+	return in->wedges.corner.n
+	           ? wh_attributes_both(c, &in->attributes, &in->wedges.corner, &in->whole)
+	           : WH_OK;
+}
+
 static wh_code choose(wh_ctx *c, wh_wanted wanted, wh_input *in)
 {
-	const wh_wanted vertices = {wanted.names, wanted.holds & WH_HOLDS_ALL};
-	const bool faces = wanted.holds & WH_HOLDS_FACES;
-	if (wh_attributes_choose(c, &in->ply, vertices, &in->attributes) != WH_OK ||
-	    wh_wedges_choose(c, &in->ply, faces ? wanted.names : "none", &in->wedges) != WH_OK)
+	if (choose_of_vertices(c, wanted, in) != WH_OK)
 		return c->err.code;
 	if (in->ply.kind == WH_FORMAT_PLY)
 		in->wedges.textures = &in->ply.textures;
@@ -331,7 +355,7 @@ static wh_code open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_inp
 {
 	const wh_ply *p = &in->ply;
 	if (p->kind == WH_FORMAT_PLY && points_in_place(p, &in->source)) {
-		in->source.attributes = in->attributes.n ? &in->attributes : NULL;
+		in->source.attributes = attributes_of_file(in);
 		return WH_OK;
 	}
 	const wh_code code = rewrite(c, ex, spill, in, false);
@@ -382,17 +406,17 @@ static void expect_rewrite(const wh_ply *p, wh_source *s)
 static wh_code look(wh_ctx *c, wh_input *in)
 {
 	wh_source *s = &in->source;
-	const wh_code code =
-	    in->ply.kind != WH_FORMAT_STL && !in->wedges.bytes && wh_ply_direct(&in->ply, s)
-	        ? probe(c, s)
-	        : WH_E_IRREGULAR;
+	const wh_code code = in->ply.kind != WH_FORMAT_STL && !wh_wedges_of_file(&in->wedges) &&
+	                             wh_ply_direct(&in->ply, s)
+	                         ? probe(c, s)
+	                         : WH_E_IRREGULAR;
 	if (code == WH_E_IRREGULAR) {
 		*s = (wh_source){0};
 		expect_rewrite(&in->ply, s);
-		s->fstride += in->wedges.bytes;
+		s->fstride += wh_wedges_of_file(&in->wedges) ? in->wedges.bytes : 0;
 	}
-	s->wedges = in->wedges.bytes ? &in->wedges : NULL;
-	s->attributes = in->attributes.n ? &in->attributes : NULL;
+	in->apart = in->wedges.of_vertices;
+	*s = wh_input_joined(in);
 	return code == WH_E_IRREGULAR ? WH_OK : code;
 }
 
@@ -410,6 +434,19 @@ wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
+}
+
+wh_source wh_input_joined(const wh_input *in)
+{
+	wh_source s = in->source;
+	s.attributes = in->attributes.n ? &in->attributes : NULL;
+	s.wedges = in->wedges.bytes ? &in->wedges : NULL;
+	if (!in->apart)
+		return s;
+	s.vfd = s.ffd = -1;
+	s.vstride = s.is_double ? 24 : 12;
+	s.fstride = 3 * (s.nv > UINT32_MAX ? 8U : 4U) + in->wedges.bytes;
+	return s;
 }
 
 /* What welding takes beyond the clusters that come after it: corners in buckets and in ranges
@@ -432,6 +469,11 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 	const wh_source *s = &in->source;
 	const uint64_t unpacked = in->unpacked ? in->ply.size : 0;
 	struct stat st;
+	if (in->apart && s->ffd < 0) /* what joining takes is not counted here */
+		return unpacked +
+		       (in->ply.format == WH_PLY_ASCII || wh_wedges_of_file(&in->wedges)
+		            ? s->nv * ((uint64_t)s->vstride + in->whole.bytes) + s->nf * s->fstride
+		            : 0);
 	if (s->ffd < 0)
 		return unpacked + s->nf * s->fstride +
 		       (s->vfd < 0 ? s->nv * ((uint64_t)s->vstride + in->attributes.bytes) : 0) +
@@ -451,6 +493,7 @@ void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, in
 		wh_spill_close_scratch(spill, in->temp_fd);
 	in->temp_fd = fd;
 	in->source = *source;
+	in->apart = false;
 }
 
 void wh_input_drop_temp(wh_spill *spill, wh_input *in)
@@ -471,6 +514,7 @@ void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in)
 	wh_obj_free(c, &in->obj);
 	wh_stl_free(c, &in->stl);
 	wh_attributes_free(c, &in->attributes);
+	wh_attributes_free(c, &in->whole);
 	wh_wedges_free(c, &in->wedges);
 	wh_ply_close(c, &in->ply);
 	*in = (wh_input){.temp_fd = -1};

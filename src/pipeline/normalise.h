@@ -26,9 +26,12 @@ typedef struct wh_input {
 	wh_source source;    /* refers to ply or to the temporary file below, and to attributes */
 	wh_attributes attributes; /* besides positions; none when they were not asked for */
 	wh_wedges wedges;         /* the same of faces and corners */
-	int temp_fd;       /* rewritten triangles, and vertices unless they could stay in place;
-	                      -1 when the whole body is used in place. Nameless: see spill.h */
-	uint64_t polygons; /* faces with more than three corners */
+	wh_attributes whole; /* attributes with those of corners, as vertices have them that are
+	                        doubled where these differ; empty when corners carry nothing */
+	bool apart;          /* so the source has them, and is to be joined: see wh_input_joined */
+	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
+	                        -1 when the whole body is used in place. Nameless: see spill.h */
+	uint64_t polygons;   /* faces with more than three corners */
 	uint64_t
 	    degenerate; /* faces with fewer than three different corners, dropped (see below) */
 	bool rply;      /* rply reads the body */
@@ -79,6 +82,10 @@ wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                           wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
+
+/* What the source will be, as far as counts tell, where it is apart (pipeline/atlas.h). Else it is
+ * the source. */
+wh_source wh_input_joined(const wh_input *in);
 
 /* A body that was made out of this one's takes its place, in the scratch file fd. */
 void wh_input_replace(wh_spill *spill, wh_input *in, const wh_source *source, int fd);

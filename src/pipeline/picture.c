@@ -2,6 +2,7 @@
 
 #include "exec/topo.h"
 #include "io/png.h"
+#include "pipeline/atlas.h"
 #include "pipeline/fit.h"
 #include "pipeline/normalise.h"
 #include "pipeline/picture_parts.h"
@@ -57,6 +58,25 @@ static wh_code load_skins(wh_draw *d, wh_draw_file *f)
 	return wh_skins_load(d->c, &f->input, d->p->texture_file, &f->skins);
 }
 
+enum { TEXTURED = WH_HOLDS_FACES | WH_HOLDS_CORNERS };
+
+/* Texture coordinates of vertices become those of corners. */
+static wh_code join_charts(wh_draw *d, const wh_exec *ex, wh_input *in)
+{
+	const wh_atlas_params p = {
+	    .rest = &in->attributes, .wedges = &in->wedges, .budget = wh_draw_budget(d)};
+	const wh_source source = in->source;
+	wh_source joined;
+	wh_atlas_result done;
+	int fd;
+	d->c->mem->limit = d->memory > BASE_BYTES / 2 ? d->memory - BASE_BYTES / 2 : 1;
+	const wh_code code =
+	    wh_atlas_join(d->c, ex, &d->progress, &d->spill, &source, &p, &joined, &fd, &done);
+	if (code == WH_OK)
+		wh_input_replace(&d->spill, in, &joined, fd);
+	return code;
+}
+
 static wh_code open_file(wh_draw *d, int i)
 {
 	wh_ctx *c = d->c;
@@ -68,11 +88,16 @@ static wh_code open_file(wh_draw *d, int i)
 		                 ? 1
 		                 : (int)(wh_draw_budget(d) / REWRITE_BYTES);
 	const wh_wanted wanted = {"all", (d->p->colours ? WH_HOLDS_COLOUR : 0U) |
-	                                     (d->p->texture ? WH_HOLDS_FACES : 0U)};
+	                                     (d->p->texture ? TEXTURED : 0U)};
 	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, wanted,
 	                      &f->input) != WH_OK)
 		return c->err.code;
 	f->open = true;
+	if (f->input.apart) {
+		const wh_code code = join_charts(d, &ex, &f->input);
+		if (code != WH_OK)
+			return code;
+	}
 	d->r->faces += f->input.source.nf;
 	d->r->vertices += f->input.source.nv;
 	if (d->p->colours && check_colours(c, &f->input) != WH_OK)

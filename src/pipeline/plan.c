@@ -274,7 +274,7 @@ static void settle(forecast *f, double target)
 	const uint64_t most_v = (uint64_t)(0.55 * RESERVE * nf), most_f = (uint64_t)(RESERVE * nf);
 	stage(f, WH_PLAN_CHECK, (double)wh_inspect_bytes(&s, most_v, most_f),
 	      busy(f, loaded(f, nf) + TOUCHED_CHECK * nf));
-	stage(f, WH_PLAN_EMIT, (double)wh_emit_bytes(&s, most_v, most_f),
+	stage(f, WH_PLAN_EMIT, (double)wh_emit_bytes(&s, f->q->doubled, most_v, most_f),
 	      busy(f, loaded(f, nf) + TOUCHED_EMIT * nf));
 }
 

@@ -60,7 +60,8 @@ bool wh_plan_streams(const wh_plan_sizes *s, uint32_t clusters, uint64_t faces);
 /* ---- prediction --------------------------------------------------------------------------- */
 
 typedef struct wh_plan_query {
-	wh_source source;       /* counts and layout */
+	wh_source source;                    /* counts and layout */
+	const struct wh_attributes *doubled; /* of the style; NULL: none */
 	uint64_t rewrite_bytes; /* temporary copy of a body that cannot be used in place; 0 */
 	wh_plan_sizes sizes;
 	double share;  /* of the faces, wanted; 0: no count */

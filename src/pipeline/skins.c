@@ -71,11 +71,11 @@ wh_code wh_skins_load(wh_ctx *c, const wh_input *in, const char *file, wh_skins 
 {
 	*s = (wh_skins){.label = -1};
 	wh_code code = WH_OK;
-	if (in->wedges.corner.n == 0)
+	if (!in->wedges.corner.has_texture)
 		return wh_fail(
 		    c, WH_E_INPUT,
-		    "'%s' has no texture coordinates of corners (OBJ: vt; PLY: a list of "
-		    "faces called texcoord)",
+		    "'%s' has no texture coordinates (OBJ: vt; PLY: a list of faces called "
+		    "texcoord, or s and t of vertices)",
 		    in->ply.path);
 	if (file) {
 		s->image = wh_calloc(c, 1, sizeof *s->image);

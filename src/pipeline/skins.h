@@ -17,7 +17,7 @@ typedef struct wh_skins {
 } wh_skins;
 
 /* Loads `file` for all faces, or, where it is NULL, the textures that the input names, which lie
- * beside it. WH_E_INPUT when there are none, or the input has no texture coordinates of corners. */
+ * beside it. WH_E_INPUT when there are none, or the input has no texture coordinates. */
 wh_code wh_skins_load(wh_ctx *c, const wh_input *in, const char *file, wh_skins *s);
 void wh_skins_free(wh_ctx *c, wh_skins *s);
 

@@ -6,6 +6,8 @@
  */
 #include "run/run.h"
 
+#include "pipeline/atlas.h"
+
 static wh_clean_params clean_params(const wh_reduce_params *p)
 {
 	return (wh_clean_params){.drop_invalid = p->drop_invalid,
@@ -29,15 +31,49 @@ bool wh_run_has_hygiene(const wh_run *r)
 	return cleans(r) || sifts(r);
 }
 
+/* The source as its vertices are in the file. */
+static wh_source apart(const wh_run *r)
+{
+	wh_source s = r->input.source;
+	s.attributes = &r->input.whole;
+	return s;
+}
+
+static wh_code join_charts(wh_run *r)
+{
+	const wh_source source = apart(r);
+	const wh_atlas_params p = {
+	    .rest = &r->input.attributes, .wedges = &r->input.wedges, .budget = wh_run_budget(r)};
+	wh_source joined;
+	wh_atlas_result done;
+	int fd;
+	const wh_code code = wh_atlas_join(r->c, &r->exec, &r->progress, &r->spill, &source, &p,
+	                                   &joined, &fd, &done);
+	if (code != WH_OK)
+		return code;
+	wh_mem_trim(r->c);
+	r->report->bytes_read += done.bytes_read;
+	r->clean.joined_vertices = done.joined;
+	r->clean.degenerate_faces = done.degenerate_faces;
+	wh_input_replace(&r->spill, &r->input, &joined, fd);
+	return WH_OK;
+}
+
 size_t wh_run_clean_bytes(const wh_run *r)
 {
 	const wh_clean_params p = clean_params(r->params);
+	const wh_source source = apart(r);
+	if (r->input.apart)
+		return wh_atlas_bytes(&source, &r->input.wedges, 1);
 	return cleans(r) ? wh_clean_bytes(&r->input.source, &p, 1) : 0;
 }
 
 uint64_t wh_run_clean_disk(const wh_run *r)
 {
 	const wh_clean_params p = clean_params(r->params);
+	const wh_source source = apart(r);
+	if (r->input.apart)
+		return wh_atlas_disk(&source, &r->input.wedges);
 	return cleans(r) ? wh_clean_disk(&r->input.source, &p) : 0;
 }
 
@@ -46,6 +82,8 @@ wh_code wh_run_clean_input(wh_run *r)
 	const wh_clean_params p = clean_params(r->params);
 	wh_source cleaned;
 	int fd;
+	if (r->input.apart)
+		return join_charts(r);
 	if (!cleans(r))
 		return WH_OK;
 	const wh_code code = wh_clean(r->c, &r->exec, &r->progress, &r->spill, &r->input.source, &p,
@@ -92,6 +130,7 @@ void wh_run_note_hygiene(wh_run *r)
 	t->invalid_faces = k->invalid_faces;
 	t->welded_vertices = k->welded_vertices;
 	t->collapsed_faces = k->collapsed_faces;
+	t->joined_vertices = k->joined_vertices;
 	t->weld_distance = k->distance;
 	t->degenerate_faces += k->degenerate_faces;
 	t->duplicate_faces = s->duplicate_faces;

@@ -93,9 +93,8 @@ wh_code wh_run_order(wh_run *r)
 wh_code wh_run_write(wh_run *r, wh_outfile **out)
 {
 	wh_run_phase_begin(r);
-	wh_code code =
-	    wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch, r->ingest.scale);
-	r->report->output_vertices = r->patch.nv;
+	wh_code code = wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch,
+	                               r->ingest.scale, &r->report->output_vertices);
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
 		code = wh_run_commit(r, out);

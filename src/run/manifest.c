@@ -159,6 +159,7 @@ static const field step_fields[] = {
     ROW(wh_step, NUMBER, clean.collapsed_faces),
     ROW(wh_step, NUMBER, clean.bytes_read),
     ROW(wh_step, REAL, clean.distance),
+    ROW(wh_step, NUMBER, clean.joined_vertices),
     ROW(wh_step, NUMBER, sift.faces),
     ROW(wh_step, NUMBER, sift.duplicate_faces),
     ROW(wh_step, NUMBER, sift.zero_area_faces),

@@ -105,12 +105,18 @@ static void note_carried(wh_reduce_report *t, const wh_attributes *a, wh_kind ki
 	}
 }
 
+/* Those of vertices, with what belongs to corners on the way. */
+static const wh_attributes *attributes_of_file(const wh_run *r)
+{
+	return r->input.wedges.of_vertices ? &r->input.whole : &r->input.attributes;
+}
+
 /* Is this property of the vertices in the result? */
 static bool is_kept(const wh_run *r, int prop)
 {
 	const wh_ply *p = &r->input.ply;
 	return prop == p->x || prop == p->y || prop == p->z ||
-	       wh_attributes_find(&r->input.attributes, prop);
+	       wh_attributes_find(attributes_of_file(r), prop);
 }
 
 /* The same of the faces. */
@@ -136,7 +142,7 @@ static void note_element(wh_run *r, const char *name)
 /* What faces and corners carry, each name by itself. */
 static void note_wedges(wh_reduce_report *t, const wh_wedges *w)
 {
-	if (w->corner.n)
+	if (w->corner.n && !w->of_vertices)
 		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
 	for (uint32_t i = 0; i < w->face.n; i++) {
 		char name[300];
@@ -165,7 +171,7 @@ void wh_run_list_dropped(wh_run *r)
 	         (r->to == WH_FORMAT_STL || r->to == WH_FORMAT_GLB))
 		note_dropped(r->report, "double precision");
 	for (int kind = 0; kind < WH_KINDS; kind++)
-		note_carried(r->report, &r->input.attributes, (wh_kind)kind);
+		note_carried(r->report, attributes_of_file(r), (wh_kind)kind);
 	note_wedges(r->report, &r->input.wedges);
 }
 
@@ -181,7 +187,8 @@ static uint64_t rply_bytes(const wh_run *r)
 
 static wh_plan make_plan(const wh_run *r)
 {
-	const wh_plan_query q = {.source = r->input.source,
+	const wh_plan_query q = {.source = wh_input_joined(&r->input),
+	                         .doubled = wh_run_style(r).doubled,
 	                         .rewrite_bytes = wh_input_temp_bytes(&r->input) +
 	                                          wh_run_clean_disk(r) + rply_bytes(r),
 	                         .sizes = r->sizes,
@@ -359,6 +366,8 @@ wh_code wh_run_ingest(wh_run *r)
 	r->faces = r->ingest.faces;
 	t->degenerate_faces += r->ingest.degenerate;
 	wh_run_note_hygiene(r);
+	if (t->joined_vertices)
+		wh_run_targets(r);
 	t->cut_vertices = r->ingest.cut_vertices;
 	t->clusters = r->store.clusters;
 	t->windows = r->ingest.windows;

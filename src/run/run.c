@@ -96,8 +96,8 @@ void wh_run_targets(wh_run *r)
 {
 	const wh_level *a = &r->aim;
 	r->report->target_faces = loosest_limit(a->faces, a->face_ratio, r->report->input_faces);
-	r->report->target_vertices =
-	    loosest_limit(a->vertices, a->vertex_ratio, r->report->input_vertices);
+	r->report->target_vertices = loosest_limit(
+	    a->vertices, a->vertex_ratio, r->report->input_vertices - r->report->joined_vertices);
 }
 
 void wh_run_limit_error(wh_run *r)
@@ -122,8 +122,8 @@ double wh_run_share(const wh_run *r)
 	if (t->target_faces)
 		share = (double)t->target_faces / (double)r->faces;
 	if (t->target_vertices) {
-		const double as_faces =
-		    (double)t->target_vertices * (double)t->input_faces / (double)t->input_vertices;
+		const double as_faces = (double)t->target_vertices * (double)t->input_faces /
+		                        (double)(t->input_vertices - t->joined_vertices);
 		share = larger_of(share, as_faces / (double)r->faces);
 	}
 	return share;
@@ -150,8 +150,8 @@ uint64_t wh_run_vertices(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
 	return t->input_vertices + t->nonmanifold_split - t->unreferenced_vertices -
-	       t->invalid_vertices - t->welded_vertices - t->component_vertices -
-	       (uint64_t)r->work.vertices;
+	       t->invalid_vertices - t->welded_vertices - t->joined_vertices -
+	       t->component_vertices - (uint64_t)r->work.vertices;
 }
 
 wh_wanted wh_run_wanted(const wh_run *r)
@@ -159,8 +159,25 @@ wh_wanted wh_run_wanted(const wh_run *r)
 	uint32_t holds = wh_mesh_holds(r->to);
 	/* none of these takes along what faces carry */
 	if (wh_run_has_hygiene(r) || r->rply || r->params->simplify_topology)
-		holds &= ~(uint32_t)WH_HOLDS_FACES;
+		holds &= ~(uint32_t)(WH_HOLDS_FACES | WH_HOLDS_CORNERS);
 	return (wh_wanted){r->params->attributes, holds};
+}
+
+/* The attributes of vertices that are doubled where their corners differ, as the input or the
+ * output has them; NULL: corners have their own, or nothing. */
+static const wh_attributes *doubled(const wh_run *r)
+{
+	const wh_input *in = &r->input;
+	const bool vertices_only = r->to == WH_FORMAT_OFF || r->to == WH_FORMAT_GLB ||
+	                           (r->to == WH_FORMAT_PLY && in->wedges.of_vertices);
+	return in->wedges.corner.n && vertices_only ? &in->whole : NULL;
+}
+
+/* The one texture that the input names; the texture of one among several belongs to no mesh. */
+static const char *only_texture(const wh_run *r)
+{
+	const wh_names *l = r->input.wedges.textures;
+	return r->input.wedges.corner.n && l && l->n == 1 ? l->item[0] : NULL;
 }
 
 wh_ply_style wh_run_style(const wh_run *r)
@@ -170,7 +187,9 @@ wh_ply_style wh_run_style(const wh_run *r)
 	                      .format = r->to,
 	                      .quantize = r->params->quantize,
 	                      .attributes = r->input.source.attributes,
-	                      .wedges = r->input.source.wedges};
+	                      .wedges = r->input.source.wedges,
+	                      .doubled = doubled(r),
+	                      .texture = only_texture(r)};
 }
 
 wh_code wh_run_take_policy(wh_run *r)

@@ -98,7 +98,7 @@ bool wh_run_shares_input(const wh_run *r)
 {
 	const wh_input *in = &r->input;
 	return !r->params->seams && !wh_run_has_hygiene(r) && !r->rply && !in->unpacked &&
-	       in->ply.kind == WH_FORMAT_PLY && in->source.ffd == in->ply.fd &&
+	       !in->apart && in->ply.kind == WH_FORMAT_PLY && in->source.ffd == in->ply.fd &&
 	       in->source.vfd == in->ply.fd;
 }
 

@@ -164,12 +164,13 @@ wh_code wh_run_emit(wh_run *r, wh_outfile **out)
 	wh_reduce_report *t = r->report;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	const wh_exec ex = wh_run_workers(r, wh_emit_bytes(&r->store, max_v, max_f));
+	const wh_ply_style style = wh_run_style(r);
+	const wh_exec ex = wh_run_workers(r, wh_emit_bytes(&r->store, style.doubled, max_v, max_f));
 	t->output_vertices = wh_run_vertices(r);
 	t->output_faces = r->faces;
 	wh_run_phase_begin(r);
-	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, wh_run_style(r),
-	                       r->ingest.scale, t->output_vertices, t->output_faces);
+	wh_code code = wh_emit(r->c, &ex, &r->progress, &r->store, *out, style, r->ingest.scale,
+	                       &t->output_vertices, t->output_faces);
 	if (code == WH_OK)
 		code = wh_run_commit(r, out);
 	return wh_run_phase_end(r, WH_PHASE_WRITE, code);

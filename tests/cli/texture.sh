@@ -5,11 +5,14 @@ command -v python3 >/dev/null || {
 	exit 77
 }
 
-# atlas.py make N FORMAT FILE: a ball of six charts of N x N squares, with two materials
+# atlas.py make N FORMAT FILE: a ball of six charts of N x N squares, with two materials; "doubled": in
+# which each vertex has texture coordinates, so that those on borders of charts are there twice or
+# three times, with a quality and a normal; "off": the same of text without these
 # atlas.py look FILE: what became of it: triangles turned over in the texture, corners outside their
-# chart, corners on borders that the file did not have, faces of a wrong material, open edges
+# chart, corners on borders that the file did not have, faces of a wrong material, edges that are open
+# where equal positions are one
 cat >atlas.py <<'END'
-import math, struct, sys
+import json, math, struct, sys
 SIDES = (((1,0,0),(0,1,0),(0,0,1)), ((-1,0,0),(0,0,1),(0,1,0)), ((0,1,0),(0,0,1),(1,0,0)),
          ((0,-1,0),(1,0,0),(0,0,1)), ((0,0,1),(1,0,0),(0,1,0)), ((0,0,-1),(0,1,0),(1,0,0)))
 f32 = lambda x: struct.unpack("f", struct.pack("f", x))[0]
@@ -41,8 +44,34 @@ def ball(n):
                 faces.append((f, (q[0], q[2], q[3])))
     return places, faces
 
+def make_doubled(places, faces, form, path):
+    seen, vertices, tri = {}, [], []
+    for f, corners in faces:
+        ids = []
+        for v, uv in corners:
+            if (v, f) not in seen:
+                seen[v, f] = len(vertices)
+                vertices.append((*places[v], 1 - v / 9999, *uv))
+            ids.append(seen[v, f])
+        tri.append(ids)
+    order = sorted(range(len(vertices)), key=lambda i: i * 7919 % 10007) # copies are not side by side
+    place = {old: new for new, old in enumerate(order)}
+    with open(path, "wb") as o:
+        if form == "off":
+            o.write(("STOFF\n%d %d 0\n" % (len(vertices), len(tri))).encode())
+            for i in order: o.write(("%.9g %.9g %.9g %.9g %.9g\n" % (*vertices[i][:3], *vertices[i][4:])).encode())
+            for t in tri: o.write(("3 %d %d %d\n" % tuple(place[i] for i in t)).encode())
+            return
+        o.write(("ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\nproperty float y\n"
+            "property float z\nproperty float quality\nproperty float s\nproperty float t\nelement face %d\n"
+            "property list uchar int vertex_indices\nend_header\n" % (len(vertices), len(tri))).encode())
+        for i in order: o.write(struct.pack("<6f", *vertices[i]))
+        for t in tri: o.write(struct.pack("<B3i", 3, *(place[i] for i in t)))
+
 def make(n, form, path):
     places, faces = ball(n)
+    if form in ("doubled", "off"):
+        return make_doubled(places, faces, form, path)
     if form == "obj":
         with open(path, "w") as o:
             o.write("mtllib some ball.mtl\n" + "".join("v %.6f %.6f %.6f\n" % tuple(p) for p in places))
@@ -92,10 +121,58 @@ def load_obj(path):
             faces.append(([int(x[0]) - 1 for x in c], [vt[int(x[1]) - 1] for x in c], *label))
     return places, faces
 
+def side_of(uv): # by the texture coordinates alone
+    for f in range(6):
+        u, v, su, sv = chart(f)
+        if all(u - 0.02 <= x <= u + su + 0.02 and v - 0.02 <= y <= v + sv + 0.02 for x, y in uv): return f
+    return 9
+
+def load_off(path):
+    w = open(path).read().split()
+    assert w[0] == "STOFF"
+    nv, nf, at = int(w[1]), int(w[2]), list(map(float, w[4:]))
+    rows = [at[5 * i:5 * i + 5] for i in range(nv)]
+    tri = [list(map(int, at[5 * nv + 4 * i + 1:5 * nv + 4 * i + 4])) for i in range(nf)]
+    return with_vertices([r[:3] for r in rows], [r[3:] for r in rows], tri)
+
+def load_glb(path):
+    data = open(path, "rb").read()
+    n, = struct.unpack_from("<I", data, 12)
+    j, body = json.loads(data[20:20 + n]), data[28 + n:]
+    p = j["meshes"][0]["primitives"][0]
+    def get(i, kind):
+        a = j["accessors"][i]
+        view = j["bufferViews"][a["bufferView"]]
+        size = struct.calcsize("<" + kind)
+        at = view.get("byteOffset", 0) + a.get("byteOffset", 0)
+        return [struct.unpack_from("<" + kind, body, at + i * view.get("byteStride", size)) for i in range(a["count"])]
+    ids = [x for x, in get(p["indices"], "I")]
+    return with_vertices(get(p["attributes"]["POSITION"], "3f"), [(u, 1 - v) for u, v in get(p["attributes"]["TEXCOORD_0"], "2f")],
+        [ids[3 * i:3 * i + 3] for i in range(len(ids) // 3)])
+
+def with_vertices(places, uv, tri):
+    one = {}
+    first = [one.setdefault(tuple(p), i) for i, p in enumerate(places)]
+    faces = []
+    for t in tri:
+        side = side_of([uv[i] for i in t])
+        faces.append(([first[i] for i in t], [tuple(f32(x) for x in uv[i]) for i in t], side // 3, side))
+    return [tuple(p) for p in places], faces
+
+def load_doubled(head, data):
+    assert [l.split()[-1] for l in head if l.startswith("property")] == ["x", "y", "z", "quality", "s", "t", "vertex_indices"], head
+    nv, nf = (int(l.split()[2]) for l in head if l.startswith("element"))
+    rows = [struct.unpack_from("<6f", data, 24 * i) for i in range(nv)]
+    tri = [struct.unpack_from("<B3i", data, 24 * nv + 13 * i)[1:] for i in range(nf)]
+    assert len(data) == 24 * nv + 13 * nf
+    return with_vertices([r[:3] for r in rows], [r[4:] for r in rows], tri)
+
 def load_ply(path):
     data = open(path, "rb").read()
     end = data.index(b"end_header\n") + 11
     head = data[:end].decode().split("\n")
+    if "property float s" in head:
+        return load_doubled(head, data[end:])
     assert "comment TextureFile a b.png" in head and "comment TextureFile c.png" in head, head
     nv, nf = (int(l.split()[2]) for l in head if l.startswith("element"))
     places = [struct.unpack_from("<3f", data, end + 12 * i) for i in range(nv)]
@@ -109,8 +186,9 @@ def load_ply(path):
     return places, faces
 
 def look(path, n):
-    places, faces = (load_obj if path.endswith("obj") else load_ply)(path)
-    old = {(f, uv) for f, c in ball(n)[1] for _, uv in c}
+    places, faces = {"obj": load_obj, "ply": load_ply, "off": load_off, "glb": load_glb}[path[-3:]](path)
+    q = (lambda uv: tuple(round(x, 5) for x in uv)) if path.endswith("glb") else tuple # v counts from the other side there
+    old = {(f, q(uv)) for f, c in ball(n)[1] for _, uv in c}
     turned = outside = wrong = fresh = 0
     edges, wedges = {}, {}
     for ids, uv, label, side in faces:
@@ -120,7 +198,7 @@ def look(path, n):
         outside += any(not (u - 1e-6 <= x <= u + su + 1e-6 and v - 1e-6 <= y <= v + sv + 1e-6) for x, y in uv)
         wrong += label != side // 3
         for k in range(3):
-            wedges.setdefault(ids[k], set()).add((side, uv[k]))
+            wedges.setdefault(ids[k], set()).add((side, q(uv[k])))
             e = tuple(sorted((places[ids[k]], places[ids[(k + 1) % 3]])))
             edges[e] = edges.get(e, 0) + 1
     borders = [w for w in wedges.values() if len(w) > 1]
@@ -174,6 +252,41 @@ expect 0 "$WHITTLE" reduce ball.ply -o some.ply --faces 10% --attributes texture
 grep -q 'not carried over: red of faces, texnumber of faces' out || fail "not named: $(cat out)"
 expect 2 "$WHITTLE" reduce ball.ply -o never.ply --faces 10% --attributes texnummer
 
+# texture coordinates of vertices: what is cut along the borders of charts is joined for the work, and
+# cut again; in windows and clusters, too; from any format to any other that has room for them
+python3 atlas.py make 24 doubled doubled.ply || fail "make"
+python3 atlas.py make 24 off doubled.off || fail "make"
+expect 0 "$WHITTLE" reduce doubled.ply -o one-doubled.ply --faces 10% --report doubled.json
+grep -q 'carried over: s, t (texture), quality (scalar)' out || fail "not named: $(cat out)"
+! grep -q 'not carried' out || fail "left behind: $(cat out)"
+grep -q '"joined_vertices": *292' doubled.json || fail "not counted: $(grep vertices doubled.json)"
+looks one-doubled.ply 690
+expect 0 "$WHITTLE" reduce -q doubled.ply -o few.ply --faces 2%
+looks few.ply 138
+expect 0 "$WHITTLE" reduce -q doubled.ply -o pieces-doubled.ply --faces 10% "${pieces[@]}" --threads 2
+looks pieces-doubled.ply 690
+expect 0 "$WHITTLE" reduce -q doubled.ply -o again-doubled.ply --faces 10% "${pieces[@]}" --threads 1 --memory 48M
+cmp -s pieces-doubled.ply again-doubled.ply || fail "threads or memory changed the bytes"
+expect 0 "$WHITTLE" reduce -q doubled.ply -o streamed-doubled.ply --faces 20% "${streamed[@]}" --threads 2
+looks streamed-doubled.ply 1382
+expect 0 "$WHITTLE" reduce -q doubled.ply -o resumed-doubled.ply --faces 20% "${streamed[@]}" --run-dir run --resume
+cmp -s streamed-doubled.ply resumed-doubled.ply || fail "a run with a folder gives another result"
+expect 0 "$WHITTLE" reduce -q doubled.off -o one.off --faces 10%
+looks one.off 690
+expect 0 "$WHITTLE" reduce -q doubled.ply -o from-doubled.obj --faces 10%
+grep -q '^vt ' from-doubled.obj || fail "no vt"
+sed 's/^comment TextureFile a b.png$/comment TextureFile a "b".png/; /c.png/d' text.ply >single.ply
+expect 0 "$WHITTLE" reduce -q single.ply -o single.glb --faces 10%
+grep -aq '"uri":"a%20%22b%22.png"' single.glb || fail "no picture named: $(head -c 1500 single.glb)"
+for input in ball.obj ball.ply doubled.ply; do
+	for kind in off glb; do
+		expect 0 "$WHITTLE" reduce -q $input -o to.$kind -f --faces 10%
+		looks to.$kind 690
+		expect 0 "$WHITTLE" reduce -q $input -o to.$kind -f --faces 20% "${streamed[@]}"
+		looks to.$kind 1382
+	done
+done
+
 # a run that is resumed
 expect 0 "$WHITTLE" reduce -q ball.ply -o resumed.ply --faces 20% "${streamed[@]}" --run-dir run --resume
 cmp -s streamed.ply resumed.ply || fail "a run with a folder gives another result"
@@ -197,6 +310,8 @@ if "$WHITTLE" render -q ball.obj -o plain.png --size 60x40 2>err; then
 	cmp -s plain.png named.png && fail "the texture is not seen"
 	expect 0 "$WHITTLE" render -q ball.obj -o given.png --size 60x40 --texture=skin.png --threads 1
 	cmp -s named.png given.png || fail "the same texture gives another picture"
+	expect 0 "$WHITTLE" render -q doubled.ply -o doubled.png --size 60x40 --texture=skin.png
+	cmp -s named.png doubled.png || fail "texture coordinates of vertices give another picture"
 	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture
 	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=ball.obj
 	head -c 60 skin.png >short.png

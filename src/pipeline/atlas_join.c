@@ -1,0 +1,544 @@
+/*
+ * In steps: the copies are found (pipeline/twins.h); vertices that stay are written, without what
+ * belongs to corners; then faces, window by window of vertices: a corner gets the new number of its
+ * vertex and what that vertex had for it. With more than one window, what is known of the corners
+ * lies on disk between passes, and chunks of faces that have nothing to do with a window are passed
+ * over.
+ */
+#include "pipeline/atlas.h"
+
+#include "base/chunks.h"
+#include "io/attributes.h"
+#include "pipeline/twins.h"
+
+#include <string.h>
+
+enum {
+	CHUNK = 32 * 1024,          /* vertices or faces a job */
+	WINDOW_LEAST = 1024 * 1024, /* ids, so that there are not very many passes */
+	MOST_WINDOWS = 1024
+};
+
+/* A corner whose window has not come yet, and the old id. */
+#define PENDING (UINT64_C(1) << 63)
+
+/* What one worker needs. */
+typedef struct hand {
+	void *raw;
+	double *xyz;
+	uint8_t *records; /* of the vertices at hand, as the source has them, ... */
+	uint8_t *rest;    /* ... and what they keep of it */
+	uint64_t *ids;
+	uint8_t *carried;   /* by the faces at hand */
+	unsigned char *out; /* vertices or faces as they are written */
+	size_t out_n, degenerate;
+} hand;
+
+typedef struct join {
+	const wh_source *source;
+	const wh_atlas_params *params;
+	wh_progress *progress;
+	wh_spill *spill;
+	hand *hands;
+	wh_rank kept;
+	wh_near twins;
+	uint64_t window, windows, first; /* first: id of the window at hand */
+	uint64_t *map;                   /* old ids of the window to new ones */
+	uint8_t *corner;                 /* what the corners of the window's vertices have */
+	int corners_fd;                  /* of what is known between windows; -1 */
+	struct span {
+		uint64_t lo, hi; /* of the ids a chunk of faces waits for; lo > hi: none */
+	} * waits;
+	wh_source *out;
+	uint64_t end; /* bytes of the output */
+	wh_atlas_result *result;
+} join;
+
+static size_t corner_bytes(const join *j)
+{
+	return j->params->wedges->corner.bytes;
+}
+
+/* Moves the values of the attributes `some` of those that the source has to a record of theirs. */
+static void pick(const wh_attributes *all, const uint8_t *record, const wh_attributes *some,
+                 uint8_t *to)
+{
+	for (uint32_t i = 0; i < some->n; i++) {
+		const wh_attribute *a = &some->item[i];
+		const wh_attribute *from = wh_attributes_find(all, a->prop);
+		memcpy(to + a->at, record + from->at, wh_attribute_bytes(a));
+	}
+}
+
+/* ---- vertices ----------------------------------------------------------------------------- */
+
+static unsigned char *put_position(const wh_source *out, unsigned char *to, const double *p)
+{
+	const float narrow[3] = {(float)p[0], (float)p[1], (float)p[2]};
+	if (out->is_double)
+		memcpy(to, p, 3 * sizeof *p);
+	else
+		memcpy(to, narrow, sizeof narrow);
+	return to + out->vstride;
+}
+
+static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const join *j = arg;
+	const wh_source *s = j->source, *o = j->out;
+	hand *h = &j->hands[worker];
+	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&j->kept, first);
+	const size_t n = wh_chunk_items(s->nv, index, CHUNK), size = j->params->rest->bytes;
+	unsigned char *to = h->out;
+	size_t stay = 0;
+	wh_progress_add(j->progress, n);
+	if (wh_source_vertices(c, s, first, n, h->xyz, h->raw) != WH_OK ||
+	    (size && wh_source_attributes(c, s, first, n, h->records, h->raw) != WH_OK))
+		return c->err.code;
+	for (size_t i = 0; i < n; i++) {
+		if (!wh_rank_get(&j->kept, first + i))
+			continue;
+		to = put_position(o, to, h->xyz + 3 * i);
+		pick(s->attributes, h->records + i * s->attributes->bytes, j->params->rest,
+		     h->rest + stay++ * size);
+	}
+	if (wh_spill_pwrite(c, j->spill, o->vfd, h->out, stay * o->vstride, at * o->vstride) !=
+	    WH_OK)
+		return c->err.code;
+	return size ? wh_spill_pwrite(c, j->spill, o->vfd, h->rest, stay * size,
+	                              o->abase + at * size)
+	            : WH_OK;
+}
+
+/* How the output is laid out, given how many vertices stay. */
+static void lay_out(join *j, uint64_t nv, int fd)
+{
+	const wh_source *s = j->source;
+	const wh_attributes *rest = j->params->rest;
+	const wh_type type = s->is_double ? WH_F64 : WH_F32;
+	wh_source *o = j->out;
+	*o = (wh_source){.path = s->path,
+	                 .nv = nv,
+	                 .vfd = fd,
+	                 .vstride = 3 * wh_type_size(type),
+	                 .is_double = s->is_double,
+	                 .attributes = rest->n ? rest : NULL,
+	                 .afd = fd,
+	                 .wedges = j->params->wedges,
+	                 .ffd = fd,
+	                 .count_off = -1,
+	                 .itype = nv > UINT32_MAX ? WH_U64 : WH_U32};
+	for (uint32_t i = 0; i < 3; i++) {
+		o->vtype[i] = type;
+		o->voff[i] = i * wh_type_size(type);
+	}
+	o->abase = nv * o->vstride;
+	o->fbase = o->abase + nv * rest->bytes;
+	o->fstride = 3 * wh_type_size(o->itype) + o->wedges->bytes;
+	j->end = o->fbase;
+}
+
+static wh_code write_vertices(wh_ctx *c, const wh_exec *ex, join *j, int fd)
+{
+	lay_out(j, wh_rank_count(&j->kept), fd);
+	j->result->joined = j->source->nv - j->out->nv;
+	wh_progress_phase(j->progress, "join vertices", j->source->nv);
+	return wh_exec_for(c, ex, wh_chunks(j->source->nv, CHUNK), vertex_job, j);
+}
+
+/* ---- windows ------------------------------------------------------------------------------ */
+
+static uint64_t window_end(const join *j)
+{
+	const uint64_t end = j->first + j->window;
+	return end < j->source->nv ? end : j->source->nv;
+}
+
+static wh_code window_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const join *j = arg;
+	const wh_source *s = j->source;
+	hand *h = &j->hands[worker];
+	const uint64_t at = (uint64_t)index * CHUNK;
+	const size_t n = wh_chunk_items(window_end(j) - j->first, index, CHUNK);
+	if (wh_source_attributes(c, s, j->first + at, n, h->records, h->raw) != WH_OK)
+		return c->err.code;
+	for (size_t i = 0; i < n; i++) {
+		pick(s->attributes, h->records + i * s->attributes->bytes,
+		     &j->params->wedges->corner, j->corner + (at + i) * corner_bytes(j));
+		j->map[at + i] = wh_rank_of(&j->kept, j->first + at + i);
+	}
+	return WH_OK;
+}
+
+static void take_twins(void *arg, const wh_near_pair *pair, size_t n)
+{
+	const join *j = arg;
+	for (size_t i = 0; i < n; i++)
+		j->map[pair[i].id - j->first] = wh_rank_of(&j->kept, pair[i].as);
+}
+
+static wh_code load_window(wh_ctx *c, const wh_exec *ex, join *j, uint64_t w)
+{
+	j->first = w * j->window;
+	if (wh_exec_for(c, ex, wh_chunks(window_end(j) - j->first, CHUNK), window_job, j) != WH_OK)
+		return c->err.code;
+	return wh_near_pairs(c, &j->twins, w, take_twins, j);
+}
+
+/* ---- corners ------------------------------------------------------------------------------ */
+
+static bool is_degenerate(const uint64_t *t)
+{
+	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+}
+
+static uint8_t *carried_by(const join *j, const hand *h, size_t face)
+{
+	return h->carried + face * j->params->wedges->bytes;
+}
+
+/* What the source has at a face itself lies behind its corners. */
+static void begin_carried(const join *j, const hand *h, size_t face, size_t from)
+{
+	const wh_wedges *w = j->params->wedges;
+	const uint32_t size = w->face.bytes;
+	if (size)
+		memcpy(carried_by(j, h, face) + 3 * corner_bytes(j),
+		       (unsigned char *)h->raw + (from + 1) * j->source->fstride - size, size);
+}
+
+/* Corners of n faces in the window at hand. */
+static void resolve(const join *j, hand *h, size_t n)
+{
+	const size_t size = corner_bytes(j);
+	for (size_t i = 0; i < 3 * n; i++) {
+		const uint64_t at = (h->ids[i] & ~PENDING) - j->first;
+		if (!(h->ids[i] & PENDING) || at >= j->window)
+			continue;
+		h->ids[i] = j->map[at];
+		memcpy(carried_by(j, h, i / 3) + i % 3 * size, j->corner + at * size, size);
+	}
+}
+
+/* Faces of a chunk for the first time: those that are triangles. */
+static wh_code read_faces(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+{
+	const size_t all = wh_chunk_items(j->source->nf, index, CHUNK);
+	const wh_code code =
+	    wh_source_triangles(c, j->source, (uint64_t)index * CHUNK, all, h->ids, h->raw);
+	*n = 0;
+	if (code != WH_OK)
+		return code;
+	for (size_t i = 0; i < all; i++) {
+		const uint64_t *t = h->ids + 3 * i;
+		if (is_degenerate(t))
+			continue;
+		for (size_t k = 0; k < 3; k++)
+			h->ids[3 * *n + k] = t[k] | PENDING;
+		begin_carried(j, h, (*n)++, i);
+	}
+	h->degenerate = all - *n;
+	return WH_OK;
+}
+
+/* What is known of a chunk's corners lies at its place: how many faces there are and were not, the
+ * corners, what is carried. */
+static uint64_t corners_at(const join *j, int64_t index)
+{
+	return (uint64_t)index *
+	       (2 * sizeof(uint64_t) + CHUNK * (3 * sizeof(uint64_t) + j->params->wedges->bytes));
+}
+
+static wh_code read_corners(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+{
+	uint64_t head[2], at = corners_at(j, index);
+	if (wh_spill_pread(c, j->spill, j->corners_fd, head, sizeof head, at) != WH_OK)
+		return c->err.code;
+	*n = (size_t)head[0];
+	h->degenerate = (size_t)head[1];
+	const size_t bytes = *n * 3 * sizeof *h->ids;
+	at += sizeof head;
+	if (wh_spill_pread(c, j->spill, j->corners_fd, h->ids, bytes, at) != WH_OK)
+		return c->err.code;
+	return wh_spill_pread(c, j->spill, j->corners_fd, h->carried, *n * j->params->wedges->bytes,
+	                      at + bytes);
+}
+
+static wh_code write_corners(wh_ctx *c, const join *j, const hand *h, int64_t index, size_t n)
+{
+	const uint64_t head[2] = {n, h->degenerate};
+	const size_t bytes = n * 3 * sizeof *h->ids;
+	uint64_t at = corners_at(j, index);
+	struct span *s = &j->waits[index];
+	*s = (struct span){UINT64_MAX, 0};
+	for (size_t i = 0; i < 3 * n; i++) {
+		const uint64_t id = h->ids[i] & ~PENDING;
+		if (!(h->ids[i] & PENDING))
+			continue;
+		s->lo = id < s->lo ? id : s->lo;
+		s->hi = id > s->hi ? id : s->hi;
+	}
+	if (wh_spill_pwrite(c, j->spill, j->corners_fd, head, sizeof head, at) != WH_OK)
+		return c->err.code;
+	at += sizeof head;
+	if (wh_spill_pwrite(c, j->spill, j->corners_fd, h->ids, bytes, at) != WH_OK)
+		return c->err.code;
+	return wh_spill_pwrite(c, j->spill, j->corners_fd, h->carried, n * j->params->wedges->bytes,
+	                       at + bytes);
+}
+
+/* The faces of a chunk, with all that is known in the window at hand. */
+static wh_code get_faces(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+{
+	const wh_code code =
+	    j->first == 0 ? read_faces(c, j, h, index, n) : read_corners(c, j, h, index, n);
+	if (code == WH_OK)
+		resolve(j, h, *n);
+	return code;
+}
+
+static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const join *j = arg;
+	hand *h = &j->hands[worker];
+	size_t n = 0;
+	wh_progress_add(j->progress, wh_chunk_items(j->source->nf, index, CHUNK));
+	if (j->first > 0 &&
+	    (j->waits[index].hi < j->first || j->waits[index].lo >= j->first + j->window))
+		return WH_OK;
+	const wh_code code = get_faces(c, j, h, index, &n);
+	return code == WH_OK ? write_corners(c, j, h, index, n) : code;
+}
+
+/* ---- faces -------------------------------------------------------------------------------- */
+
+static void put_face(const join *j, hand *h, size_t face)
+{
+	const wh_source *o = j->out;
+	const uint64_t *t = h->ids + 3 * face;
+	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
+	unsigned char *to = h->out + h->out_n++ * o->fstride;
+	if (o->itype == WH_U32)
+		memcpy(to, narrow, sizeof narrow);
+	else
+		memcpy(to, t, 3 * sizeof *t);
+	memcpy(to + o->fstride - o->wedges->bytes, carried_by(j, h, face), o->wedges->bytes);
+}
+
+static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const join *j = arg;
+	hand *h = &j->hands[worker];
+	size_t n = 0;
+	const wh_code code = get_faces(c, j, h, index, &n);
+	h->out_n = 0;
+	for (size_t i = 0; code == WH_OK && i < n; i++) {
+		if (is_degenerate(h->ids + 3 * i))
+			h->degenerate++;
+		else
+			put_face(j, h, i);
+	}
+	return code;
+}
+
+static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	join *j = arg;
+	const hand *h = &j->hands[worker];
+	const size_t bytes = h->out_n * j->out->fstride;
+	j->result->degenerate_faces += h->degenerate;
+	j->out->nf += h->out_n;
+	j->end += bytes;
+	wh_progress_add(j->progress, wh_chunk_items(j->source->nf, index, CHUNK));
+	return wh_spill_pwrite(c, j->spill, j->out->ffd, h->out, bytes, j->end - bytes);
+}
+
+static wh_code open_windows(wh_ctx *c, join *j)
+{
+	const uint64_t most = j->window < j->source->nv ? j->window : j->source->nv;
+	j->map = wh_alloc(c, (size_t)most, sizeof *j->map);
+	j->corner = wh_alloc(c, (size_t)most, corner_bytes(j));
+	if (!j->map || !j->corner)
+		return wh_failed(c);
+	if (j->windows == 1)
+		return WH_OK;
+	j->waits = wh_alloc(c, (size_t)wh_chunks(j->source->nf, CHUNK), sizeof *j->waits);
+	j->corners_fd = wh_spill_scratch(c, j->spill);
+	return j->waits && j->corners_fd >= 0 ? WH_OK : wh_failed(c);
+}
+
+static wh_code write_faces(wh_ctx *c, const wh_exec *ex, join *j)
+{
+	const int64_t chunks = wh_chunks(j->source->nf, CHUNK);
+	if (open_windows(c, j) != WH_OK)
+		return c->err.code;
+	wh_progress_phase(j->progress, "join faces", j->windows * j->source->nf);
+	for (uint64_t w = 0; w < j->windows; w++) {
+		if (load_window(c, ex, j, w) != WH_OK)
+			return c->err.code;
+		const wh_code code = w + 1 < j->windows
+		                         ? wh_exec_for(c, ex, chunks, corners_job, j)
+		                         : wh_exec_ordered(c, ex, chunks, face_job, face_commit, j);
+		if (code != WH_OK)
+			return code;
+	}
+	return WH_OK;
+}
+
+/* ---- memory ------------------------------------------------------------------------------- */
+
+static size_t raw_bytes(const wh_source *s)
+{
+	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
+	return v > f ? v : f;
+}
+
+static size_t out_bytes(const wh_wedges *w)
+{
+	return CHUNK * (3 * sizeof(double) + (size_t)w->bytes);
+}
+
+static size_t hand_bytes(const wh_source *s, const wh_wedges *w)
+{
+	return raw_bytes(s) + out_bytes(w) +
+	       CHUNK * (3 * sizeof(double) + 2 * (size_t)s->attributes->bytes +
+	                3 * sizeof(uint64_t) + (size_t)w->bytes);
+}
+
+static uint64_t least_window(const wh_source *s)
+{
+	const uint64_t share = s->nv / MOST_WINDOWS + 1;
+	const uint64_t least = share > WINDOW_LEAST ? share : WINDOW_LEAST;
+	return least < s->nv ? least : s->nv;
+}
+
+/* Copies are found before anything else is held. */
+static size_t bytes_of(const wh_source *s, const wh_wedges *w, int workers, uint64_t window)
+{
+	const size_t spans = (size_t)wh_chunks(s->nf, CHUNK) * sizeof(struct span);
+	const size_t twins = wh_twins_bytes(s, workers, window);
+	const size_t own = (size_t)window * (sizeof(uint64_t) + w->corner.bytes) + spans +
+	                   (size_t)workers * hand_bytes(s, w);
+	return wh_rank_bytes(s->nv) + (twins > own ? twins : own) + 4096;
+}
+
+size_t wh_atlas_bytes(const wh_source *source, const wh_wedges *wedges, int workers)
+{
+	return bytes_of(source, wedges, workers, least_window(source));
+}
+
+uint64_t wh_atlas_disk(const wh_source *s, const wh_wedges *w)
+{
+	const uint64_t vertex =
+	    (s->is_double ? 24 : 12) + (s->attributes ? s->attributes->bytes : 0);
+	const uint64_t index = s->nv > UINT32_MAX ? 8 : 4;
+	const uint64_t result = s->nv * vertex + s->nf * (3 * index + w->bytes);
+	const uint64_t corners = s->nf * (24 + (uint64_t)w->bytes), near = wh_near_disk(s);
+	return result + (near > corners ? near : corners);
+}
+
+/* As many workers as fit, then as large a window: they decide nothing else. */
+static wh_code fit(wh_ctx *c, join *j, wh_exec *ex)
+{
+	const wh_source *s = j->source;
+	const wh_wedges *w = j->params->wedges;
+	const size_t budget = j->params->budget;
+	while (ex->workers > 1 && wh_atlas_bytes(s, w, ex->workers) > budget)
+		ex->workers--;
+	const size_t least = wh_atlas_bytes(s, w, ex->workers);
+	if (least > budget)
+		return wh_fail(c, WH_E_PLAN,
+		               "joining the charts of '%s' takes %zu MiB of memory, and there are "
+		               "%zu: raise --memory",
+		               s->path, (least >> 20) + 1, budget >> 20);
+	j->window = j->params->window ? j->params->window : s->nv;
+	while (j->window > least_window(s) && bytes_of(s, w, ex->workers, j->window) > budget)
+		j->window = j->window / 2 > least_window(s) ? j->window / 2 : least_window(s);
+	j->windows = (s->nv + j->window - 1) / j->window;
+	return WH_OK;
+}
+
+/* ---- all of it ---------------------------------------------------------------------------- */
+
+static wh_code open_hands(wh_ctx *c, join *j, int workers)
+{
+	const wh_source *s = j->source;
+	const wh_wedges *w = j->params->wedges;
+	j->hands = wh_calloc(c, (size_t)workers, sizeof *j->hands);
+	for (int i = 0; j->hands && i < workers; i++) {
+		hand *h = &j->hands[i];
+		h->raw = wh_alloc(c, raw_bytes(s), 1);
+		h->xyz = wh_alloc(c, CHUNK, 3 * sizeof *h->xyz);
+		h->records = wh_alloc(c, CHUNK, s->attributes->bytes);
+		h->rest = wh_alloc(c, CHUNK, (size_t)j->params->rest->bytes + 1);
+		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
+		h->carried = wh_alloc(c, CHUNK, w->bytes);
+		h->out = wh_alloc(c, out_bytes(w), 1);
+	}
+	return c->err.code;
+}
+
+static void close_all(wh_ctx *c, join *j, int workers)
+{
+	for (int i = 0; j->hands && i < workers; i++) {
+		hand *h = &j->hands[i];
+		wh_free(c, h->raw);
+		wh_free(c, h->xyz);
+		wh_free(c, h->records);
+		wh_free(c, h->rest);
+		wh_free(c, h->ids);
+		wh_free(c, h->carried);
+		wh_free(c, h->out);
+	}
+	wh_free(c, j->hands);
+	wh_free(c, j->map);
+	wh_free(c, j->corner);
+	wh_free(c, j->waits);
+	wh_rank_close(c, &j->kept);
+	wh_near_close(c, &j->twins);
+	if (j->corners_fd >= 0)
+		wh_spill_close_scratch(j->spill, j->corners_fd);
+}
+
+static wh_code rebuild(wh_ctx *c, const wh_exec *ex, join *j, int *fd)
+{
+	if (open_hands(c, j, ex->workers) != WH_OK)
+		return c->err.code;
+	*fd = wh_spill_scratch(c, j->spill);
+	if (*fd < 0)
+		return wh_failed(c);
+	wh_code code = write_vertices(c, ex, j, *fd);
+	if (code == WH_OK)
+		code = write_faces(c, ex, j);
+	if (code == WH_OK)
+		return WH_OK;
+	wh_spill_close_scratch(j->spill, *fd);
+	*fd = -1;
+	return code;
+}
+
+wh_code wh_atlas_join(wh_ctx *c, const wh_exec *ex, wh_progress *progress, wh_spill *spill,
+                      const wh_source *source, const wh_atlas_params *params, wh_source *out,
+                      int *fd, wh_atlas_result *result)
+{
+	join j = {.source = source,
+	          .params = params,
+	          .progress = progress,
+	          .spill = spill,
+	          .twins = {.file = {.fd = -1}},
+	          .corners_fd = -1,
+	          .out = out,
+	          .result = result};
+	wh_exec own = *ex;
+	*result = (wh_atlas_result){.bytes_read = 3 * source->nv * source->vstride +
+	                                          2 * source->nf * source->fstride};
+	*fd = -1;
+	if (fit(c, &j, &own) != WH_OK || wh_rank_open(c, &j.kept, source->nv) != WH_OK)
+		return c->err.code;
+	wh_code code = wh_twins_find(c, &own, progress, spill, source, j.window, &j.kept, &j.twins);
+	if (code == WH_OK)
+		code = rebuild(c, &own, &j, fd);
+	close_all(c, &j, own.workers);
+	return code;
+}
