@@ -10,7 +10,6 @@ wh_code wh_run_stitch(wh_run *r)
 {
 	uint64_t unreferenced;
 	wh_run_phase_begin(r);
-	(void)0;
 	const wh_code code =
 	    wh_finish_stitch(r->c, &r->store, &r->progress, &r->patch, &unreferenced);
 	wh_run_note_unreferenced(r, unreferenced);
