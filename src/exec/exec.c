@@ -198,3 +198,29 @@ wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_
 	return finish(c, ex, &o,
 	              &(wh_exec_loop){.busy = busy, .longest = longest, .commits = commits}, start);
 }
+
+wh_code wh_exec_gather(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_job commit,
+                       void *arg)
+{
+	outcome o = {.first_failed = INT64_MAX, .err_index = INT64_MAX};
+	const double start = wh_seconds();
+	double busy = 0, longest = 0, commits = 0;
+#ifdef _OPENMP
+	const int workers = n > 1 ? startable(ex->workers) : 1;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(workers) if (workers > 1) \
+    reduction(+ : busy, commits) reduction(max : longest)
+#endif
+	for (int64_t i = 0; i < n; i++) {
+		double took = run_one(c, &o, job, arg, i, worker_number()), last = 0;
+#ifdef _OPENMP
+#pragma omp critical(wh_exec_commit)
+#endif
+		last = run_one(c, &o, commit, arg, i, worker_number());
+		took += last;
+		busy += took;
+		commits += last;
+		longest = longest > took ? longest : took;
+	}
+	return finish(c, ex, &o,
+	              &(wh_exec_loop){.busy = busy, .longest = longest, .commits = commits}, start);
+}

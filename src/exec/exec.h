@@ -1,5 +1,6 @@
 /*
- * exec: run n independent jobs, perhaps on several threads; commit their results in index order.
+ * exec: run n independent jobs, perhaps on several threads; commit their results, in index order
+ * or in any.
  *
  * The only place that knows about threads. What a job computes must not depend on which worker
  * runs it or on what else has run: then nothing the caller sees depends on the schedule.
@@ -53,5 +54,10 @@ wh_code wh_exec_for(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, void *a
  * its job and before that worker starts another. */
 wh_code wh_exec_ordered(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_job commit,
                         void *arg);
+
+/* The same with commits in any order, which nothing may depend on: nobody waits for a job before
+ * his that takes longer. */
+wh_code wh_exec_gather(wh_ctx *c, const wh_exec *ex, int64_t n, wh_job job, wh_job commit,
+                       void *arg);
 
 #endif

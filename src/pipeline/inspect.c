@@ -48,6 +48,7 @@ typedef struct store_run {
 	const wh_store *store;
 	wh_progress *progress;
 	eye *eyes;
+	uint64_t *order; /* of the clusters */
 	wh_check_pieces *sum;
 } store_run;
 
@@ -55,7 +56,7 @@ static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const store_run *s = arg;
 	eye *e = &s->eyes[worker];
-	if (wh_store_load(c, s->store, (uint32_t)index, &e->scratch, &e->patch) != WH_OK)
+	if (wh_store_load(c, s->store, (uint32_t)s->order[index], &e->scratch, &e->patch) != WH_OK)
 		return c->err.code;
 	return wh_check_look(c, e->work, &e->patch);
 }
@@ -107,10 +108,12 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 		return code;
 	wh_progress_phase(progress, "check", faces);
 	s.sum = wh_check_pieces_new(c);
+	s.order = wh_round_longest_first(c, store);
 	code = eyes_make(c, &s, ex->workers, max_v, max_f);
 	if (code == WH_OK)
-		code = wh_exec_ordered(c, ex, store->clusters, look_job, look_commit, &s);
+		code = wh_exec_gather(c, ex, store->clusters, look_job, look_commit, &s);
 	eyes_free(c, &s, ex->workers); /* before the seam is counted */
+	wh_free(c, s.order);
 	if (code == WH_OK)
 		code = wh_check_pieces_end(c, s.sum, r);
 	wh_check_pieces_free(c, s.sum);

@@ -1,5 +1,7 @@
 #include "pipeline/round.h"
 
+#include "base/sort.h"
+#include "pipeline/dispatch.h"
 #include "pipeline/hand.h"
 #include "pipeline/ledger.h"
 #include "pipeline/pieces.h"
@@ -119,6 +121,7 @@ typedef struct reduce_run {
 	wh_progress *progress;
 	wh_hand *hands;
 	const wh_cluster_params *params;
+	const uint64_t *order; /* of the clusters */
 	wh_round_result *part; /* one for each cluster */
 } reduce_run;
 
@@ -145,7 +148,7 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const reduce_run *r = arg;
 	wh_hand *h = &r->hands[worker];
 	uint32_t k;
-	if (!wh_ledger_turn(r->to->ledger, r->from->clusters, index, &k) || is_elsewhere(c, r, k))
+	if (!wh_round_turn(r->from, r->to, r->order, index, &k) || is_elsewhere(c, r, k))
 		return WH_OK;
 	wh_round_result *out = &r->part[k];
 	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
@@ -189,6 +192,8 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
 	r.hands = wh_hands_make(c, ex->workers, from, max_v, max_f);
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
+	uint64_t *order = wh_round_longest_first(c, from);
+	r.order = order;
 	wh_code code = c->err.code;
 	if (code == WH_OK)
 		code =
@@ -196,6 +201,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	*result = (wh_round_result){0};
 	for (uint32_t k = 0; code == WH_OK && k < from->clusters; k++)
 		wh_round_result_add(result, &r.part[k]);
+	wh_free(c, order);
 	wh_free(c, r.part);
 	wh_hands_free(c, r.hands, ex->workers);
 	return code;
@@ -207,41 +213,66 @@ void wh_round_remove(const wh_store *store)
 		wh_store_remove(store, k);
 }
 
-/* Counts of clusters, one after the other. */
-static void note_extent(uint64_t nv, uint64_t nf, uint64_t *max_vertices, uint64_t *max_faces,
-                        uint64_t *faces, uint64_t *vertices)
-{
-	*faces += nf;
-	*vertices += nv;
-	*max_faces = nf > *max_faces ? nf : *max_faces;
-	*max_vertices = nv > *max_vertices ? nv : *max_vertices;
-}
-
-/* Of a store in pieces, where asking for one cluster after the other takes long. */
-static wh_code extent_of_pieces(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
-                                uint64_t *max_faces, uint64_t *faces, uint64_t *vertices)
+/* Faces and vertices of every cluster: so many numbers each, in one block. */
+static uint64_t *all_counts(wh_ctx *c, const wh_store *store)
 {
 	const uint32_t n = store->clusters;
 	uint64_t *count = wh_alloc(c, n, 2 * sizeof *count);
-	const wh_code code =
-	    count ? wh_pieces_all_counts(c, store, count, count + n) : wh_failed(c);
-	for (uint32_t k = 0; code == WH_OK && k < n; k++)
-		note_extent(count[n + k], count[k], max_vertices, max_faces, faces, vertices);
+	if (!count)
+		return NULL;
+	wh_code code = WH_OK;
+	if (store->parts) /* where asking for one cluster after the other takes long */
+		code = wh_pieces_all_counts(c, store, count, count + n);
+	for (uint32_t k = 0; code == WH_OK && !store->parts && k < n; k++)
+		code = wh_store_counts(c, store, k, &count[k], &count[n + k]);
+	if (code == WH_OK)
+		return count;
 	wh_free(c, count);
-	return code;
+	return NULL;
 }
 
 wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
                         uint64_t *max_faces, uint64_t *faces, uint64_t *vertices)
 {
+	const uint32_t n = store->clusters;
 	*max_vertices = *max_faces = *faces = *vertices = 0;
-	if (store->parts)
-		return extent_of_pieces(c, store, max_vertices, max_faces, faces, vertices);
-	for (uint32_t k = 0; k < store->clusters; k++) {
-		uint64_t nf, nv;
-		if (wh_store_counts(c, store, k, &nf, &nv) != WH_OK)
-			return c->err.code;
-		note_extent(nv, nf, max_vertices, max_faces, faces, vertices);
+	uint64_t *count = all_counts(c, store);
+	if (!count)
+		return wh_failed(c);
+	for (uint32_t k = 0; k < n; k++) {
+		const uint64_t nf = count[k], nv = count[n + k];
+		*faces += nf;
+		*vertices += nv;
+		*max_faces = nf > *max_faces ? nf : *max_faces;
+		*max_vertices = nv > *max_vertices ? nv : *max_vertices;
 	}
+	wh_free(c, count);
 	return WH_OK;
+}
+
+_Static_assert(WH_MAX_CLUSTERS <= UINT16_MAX + 1, "16 bits tell which cluster it is");
+
+uint64_t *wh_round_longest_first(wh_ctx *c, const wh_store *store)
+{
+	const uint32_t n = store->clusters;
+	uint64_t *order = all_counts(c, store);
+	if (!order)
+		return NULL;
+	for (uint32_t k = 0; k < n; k++)
+		order[k] = ~order[k] << 16 | k;
+	(void)wh_sort_unique(order, n);
+	for (uint32_t i = 0; i < n; i++)
+		order[i] &= UINT16_MAX;
+	return order;
+}
+
+bool wh_round_turn(const wh_store *from, const wh_store *to, const uint64_t *order, int64_t turn,
+                   uint32_t *cluster)
+{
+	const wh_ledger *l = to->ledger;
+	if (!wh_ledger_turn(l, from->clusters, turn, cluster))
+		return false;
+	if (!l || l->parts == 0)
+		*cluster = (uint32_t)order[turn];
+	return true;
 }

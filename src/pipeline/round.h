@@ -72,4 +72,14 @@ void wh_round_remove(const wh_store *store);
 wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,
                         uint64_t *max_faces, uint64_t *faces, uint64_t *vertices);
 
+/* The clusters of the store by falling number of faces, for jobs that may go in any order: when the
+ * longest go first, all workers end at about the same time (Graham's LPT rule). The caller frees
+ * it; NULL, failure recorded, when memory is refused or a file cannot be read. */
+uint64_t *wh_round_longest_first(wh_ctx *c, const wh_store *store);
+
+/* The cluster of a turn of a round from one store to another (wh_ledger_turn): in that order where
+ * all are this process' own. False: none. */
+bool wh_round_turn(const wh_store *from, const wh_store *to, const uint64_t *order, int64_t turn,
+                   uint32_t *cluster);
+
 #endif

@@ -15,6 +15,7 @@ typedef struct settle {
 	wh_hand *hands; /* one for each worker, as are the next two */
 	wh_cost_log *scratch;
 	wh_rerun *rerun;
+	uint64_t *order;   /* of the clusters */
 	wh_quota_log *log; /* one for each cluster, as are those below */
 	wh_quota *share;
 	wh_round_result *part;
@@ -147,7 +148,7 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	wh_hand *h = &s->hands[worker];
 	wh_cost_log *log = &s->scratch[worker];
 	uint32_t k;
-	if (!wh_ledger_turn(s->to->ledger, s->from->clusters, index, &k) || is_elsewhere(s, k))
+	if (!wh_round_turn(s->from, s->to, s->order, index, &k) || is_elsewhere(s, k))
 		return WH_OK;
 	if (s->to->ledger && recall_trial(c, s, k, &h->scratch))
 		return pass_over(c, s, k);
@@ -196,20 +197,21 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
 	wh_hand *h = &s->hands[worker];
-	wh_round_result *out = &s->part[index];
-	if (wh_ledger_is_saved(c, s->to, (uint32_t)index, &h->scratch, out, sizeof *out))
-		return pass_over(c, s, (uint32_t)index);
-	if (wh_store_load(c, s->from, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+	const uint32_t k = (uint32_t)s->order[index];
+	wh_round_result *out = &s->part[k];
+	if (wh_ledger_is_saved(c, s->to, k, &h->scratch, out, sizeof *out))
+		return pass_over(c, s, k);
+	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
-	if (perform_share(c, s, h, &s->rerun[worker], (uint32_t)index, &out->work) != WH_OK ||
-	    wh_store_save(c, s->to, (uint32_t)index, &h->patch) != WH_OK)
+	if (perform_share(c, s, h, &s->rerun[worker], k, &out->work) != WH_OK ||
+	    wh_store_save(c, s->to, k, &h->patch) != WH_OK)
 		return c->err.code;
 	out->unreferenced = h->scratch.unreferenced;
 	out->faces = h->patch.nf;
 	out->vertices = h->patch.nv;
 	wh_progress_add(s->progress, before);
-	return wh_ledger_saved(c, s->to, (uint32_t)index, out, sizeof *out);
+	return wh_ledger_saved(c, s->to, k, out, sizeof *out);
 }
 
 /* ---- the last face ------------------------------------------------------------------------ */
@@ -298,6 +300,7 @@ static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t max
 	s->hands = wh_hands_make(c, ex->workers, s->from, max_v, max_f);
 	s->scratch = wh_alloc(c, (size_t)ex->workers, sizeof *s->scratch);
 	s->rerun = wh_calloc(c, (size_t)ex->workers, sizeof *s->rerun);
+	s->order = wh_round_longest_first(c, s->from);
 	s->log = wh_calloc(c, n, sizeof *s->log);
 	s->share = wh_calloc(c, n, sizeof *s->share);
 	s->part = wh_calloc(c, n, sizeof *s->part);
@@ -318,6 +321,7 @@ static void settle_close(wh_ctx *c, const wh_exec *ex, settle *s)
 	wh_free(c, s->part);
 	wh_free(c, s->share);
 	wh_free(c, s->log);
+	wh_free(c, s->order);
 	wh_free(c, s->scratch);
 	wh_hands_free(c, s->hands, ex->workers);
 }
