@@ -312,6 +312,7 @@ static wh_code make_room(wh_engine *e)
 	    wh_renew(e->c, &w->corner, &w->cap_corner, 3 * (size_t)p->nf, sizeof *w->corner) !=
 	        WH_OK)
 		return e->c->err.code;
+	wh_mem_scattered(w->star);
 	return WH_OK;
 }
 
