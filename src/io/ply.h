@@ -73,6 +73,9 @@ typedef struct wh_ply {
 	wh_ply_elem *elems;
 	size_t nelems;
 	wh_names textures; /* files that comments call TextureFile */
+	/* what comments call MaterialFile, Material and Group: the names behind the values 1, 2 ...
+	 * of the faces' properties material and group; as OBJ files have them (read_obj.h) */
+	wh_names libraries, materials, groups;
 	size_t header_lines;
 	/* what whittle works on; -1 where the file has none */
 	int vertex;     /* element with x, y, z */

@@ -192,15 +192,27 @@ static wh_code parse_property(wh_ctx *c, parser *s)
 	return WH_OK;
 }
 
-/* "comment TextureFile atlas.png": the name goes to the end of the line. */
+/* "comment TextureFile atlas.png", and our own of what OBJ files name: the name goes to the end of
+ * the line. */
 static wh_code parse_comment(wh_ctx *c, parser *s, const char *eol)
 {
+	wh_ply *p = s->p;
+	const struct {
+		const char *word;
+		wh_names *list;
+	} kinds[] = {{"TextureFile", &p->textures},
+	             {"MaterialFile", &p->libraries},
+	             {"Material", &p->materials},
+	             {"Group", &p->groups}};
 	uint32_t at;
-	if (s->nw < 3 || s->w[1].n != 11 || strncasecmp(s->w[1].at, "TextureFile", 11) != 0)
-		return WH_OK;
 	while (is_blank(eol[-1]))
 		eol--;
-	return wh_names_add(c, &s->p->textures, s->w[2].at, (size_t)(eol - s->w[2].at), &at);
+	for (size_t i = 0; s->nw >= 3 && i < sizeof kinds / sizeof *kinds; i++)
+		if (s->w[1].n == strlen(kinds[i].word) &&
+		    strncasecmp(s->w[1].at, kinds[i].word, s->w[1].n) == 0)
+			return wh_names_add(c, kinds[i].list, s->w[2].at,
+			                    (size_t)(eol - s->w[2].at), &at);
+	return WH_OK;
 }
 
 static wh_code parse_line(wh_ctx *c, parser *s, const char *eol, bool *end)
@@ -489,6 +501,9 @@ void wh_ply_close(wh_ctx *c, wh_ply *p)
 	}
 	wh_free(c, p->elems);
 	wh_names_free(c, &p->textures);
+	wh_names_free(c, &p->libraries);
+	wh_names_free(c, &p->materials);
+	wh_names_free(c, &p->groups);
 	if (p->path && p->fd >= 0)
 		(void)close(p->fd);
 	wh_free(c, p->path);

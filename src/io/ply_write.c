@@ -81,16 +81,26 @@ static wh_code write_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)
 	return WH_OK;
 }
 
-/* What belongs to the texture numbers. */
+/* A comment for each name of a list. */
+static wh_code write_names(wh_ctx *c, wh_outfile *o, const char *word, const wh_names *l)
+{
+	for (uint32_t i = 0; l && i < l->n; i++) {
+		const char *const part[] = {"comment ", word, " ", l->item[i], "\n"};
+		for (size_t k = 0; k < sizeof part / sizeof *part; k++)
+			if (wh_outfile_write(c, o, part[k], strlen(part[k])) != WH_OK)
+				return c->err.code;
+	}
+	return WH_OK;
+}
+
+/* What the numbers of textures, materials and groups stand for. */
 static wh_code write_comments(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
 {
-	const wh_names *l = w ? w->textures : NULL;
-	for (uint32_t i = 0; l && i < l->n; i++)
-		if (wh_outfile_write(c, o, "comment TextureFile ", 20) != WH_OK ||
-		    wh_outfile_write(c, o, l->item[i], strlen(l->item[i])) != WH_OK ||
-		    wh_outfile_write(c, o, "\n", 1) != WH_OK)
-			return c->err.code;
-	return WH_OK;
+	if (!w || write_names(c, o, "TextureFile", w->textures) != WH_OK ||
+	    write_names(c, o, "MaterialFile", w->libraries) != WH_OK ||
+	    write_names(c, o, "Material", w->materials) != WH_OK)
+		return c->err.code;
+	return write_names(c, o, "Group", w->groups);
 }
 
 /* Corners have something in the file. */

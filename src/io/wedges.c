@@ -102,6 +102,13 @@ bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2])
 	return isfinite(uv[0]) && isfinite(uv[1]);
 }
 
+const wh_names *wh_wedges_names(const wh_wedges *w, const char *property)
+{
+	return strcmp(property, "material") == 0 ? w->materials
+	       : strcmp(property, "group") == 0  ? w->groups
+	                                         : NULL;
+}
+
 bool wh_wedges_same_face(const wh_wedges *w, const uint8_t *a, const uint8_t *b)
 {
 	const uint8_t *fa = wh_wedges_face(w, a), *fb = wh_wedges_face(w, b);

@@ -33,8 +33,8 @@ typedef struct wh_wedges {
 	int list;         /* the property of faces that holds u and v; -1: they are not carried */
 	bool of_vertices; /* the file has the corners' attributes at its vertices */
 	uint32_t labels;  /* of the face's attributes */
-	/* what the labels of an OBJ file and the texture numbers of a PLY file stand for, owned by
-	 * others; NULL: nothing of that kind */
+	/* what the labels called texnumber, material and group stand for, and the files that
+	 * describe the materials, owned by others; NULL: nothing of that kind */
 	const wh_names *textures, *materials, *groups, *libraries;
 } wh_wedges;
 
@@ -71,6 +71,10 @@ void wh_wedges_no_corner(const wh_wedges *w, uint8_t *corner);
 
 /* True when a corner has texture coordinates, which go to uv then. */
 bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2]);
+
+/* What the values of a property of faces are the names of, 1 more than their places: materials or
+ * groups; NULL: of nothing. */
+const wh_names *wh_wedges_names(const wh_wedges *w, const char *property);
 
 /* True when two faces have the same labels. */
 bool wh_wedges_same_face(const wh_wedges *w, const uint8_t *a, const uint8_t *b);

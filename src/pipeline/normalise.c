@@ -276,12 +276,23 @@ static wh_code choose_of_vertices(wh_ctx *c, wh_wanted wanted, wh_input *in)
 	           : WH_OK;
 }
 
+/* Names that the comments of a PLY file give. */
+static void take_names(wh_input *in)
+{
+	const wh_ply *p = &in->ply;
+	wh_wedges *w = &in->wedges;
+	w->textures = &p->textures;
+	w->materials = p->materials.n ? &p->materials : NULL;
+	w->groups = p->groups.n ? &p->groups : NULL;
+	w->libraries = &p->libraries;
+}
+
 static wh_code choose(wh_ctx *c, wh_wanted wanted, wh_input *in)
 {
 	if (choose_of_vertices(c, wanted, in) != WH_OK)
 		return c->err.code;
 	if (in->ply.kind == WH_FORMAT_PLY)
-		in->wedges.textures = &in->ply.textures;
+		take_names(in);
 	if (in->ply.kind == WH_FORMAT_OBJ) {
 		in->wedges.materials = &in->obj.materials;
 		in->wedges.groups = &in->obj.groups;

@@ -51,9 +51,9 @@ static wh_code load_of_ply(wh_ctx *c, const wh_input *in, wh_skins *s)
 /* Materials are counted from 1. */
 static wh_code load_of_obj(wh_ctx *c, const wh_input *in, wh_skins *s)
 {
-	const wh_names *materials = &in->obj.materials;
+	const wh_names *materials = in->wedges.materials;
 	wh_mtl m;
-	if (wh_mtl_read(c, in->ply.path, &in->obj.libraries, materials, &m) != WH_OK)
+	if (wh_mtl_read(c, in->ply.path, in->wedges.libraries, materials, &m) != WH_OK)
 		return c->err.code;
 	wh_code code = load_images(c, in, &m.textures, s);
 	s->label = find_label(&in->wedges, "material");
@@ -81,7 +81,7 @@ wh_code wh_skins_load(wh_ctx *c, const wh_input *in, const char *file, wh_skins 
 		s->image = wh_calloc(c, 1, sizeof *s->image);
 		code = s->image ? wh_image_read(c, file, s->image) : c->err.code;
 		s->n = 1;
-	} else if (in->ply.kind == WH_FORMAT_OBJ) {
+	} else if (in->wedges.materials && in->wedges.libraries->n) {
 		code = load_of_obj(c, in, s);
 	} else {
 		code = load_of_ply(c, in, s);

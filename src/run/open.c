@@ -119,10 +119,20 @@ static bool is_kept(const wh_run *r, int prop)
 	       wh_attributes_find(attributes_of_file(r), prop);
 }
 
+/* Does the output have room for a scalar of faces? OBJ has names of materials and groups, and
+ * nothing else. */
+static bool is_written(const wh_run *r, const char *name)
+{
+	return r->to == WH_FORMAT_PLY || wh_wedges_names(&r->input.wedges, name);
+}
+
 /* The same of the faces. */
 static bool is_kept_of_faces(const wh_run *r, int prop)
 {
-	return prop == r->input.ply.corners || wh_wedges_has(&r->input.wedges, prop);
+	const wh_ply *p = &r->input.ply;
+	return prop == p->corners || (wh_wedges_has(&r->input.wedges, prop) &&
+	                              (prop == r->input.wedges.list ||
+	                               is_written(r, p->elems[p->face].props[prop].name)));
 }
 
 /* OBJ files are described twice over: what their faces carry, and what lines they have. */
@@ -130,22 +140,26 @@ static void note_element(wh_run *r, const char *name)
 {
 	const wh_wedges *w = &r->input.wedges;
 	const bool obj = r->input.ply.kind == WH_FORMAT_OBJ;
-	const bool kept =
-	    (strcmp(name, "texture coordinates") == 0 && w->corner.n) ||
-	    (strcmp(name, "materials") == 0 && w->materials && w->face.n) ||
-	    (strcmp(name, "groups") == 0 && w->groups && w->face.n) ||
-	    (strcmp(name, "material libraries") == 0 && r->to == WH_FORMAT_OBJ && w->bytes);
+	const bool kept = (strcmp(name, "texture coordinates") == 0 && w->corner.n) ||
+	                  (strcmp(name, "materials") == 0 && w->materials && w->face.n) ||
+	                  (strcmp(name, "groups") == 0 && w->groups && w->face.n) ||
+	                  (strcmp(name, "material libraries") == 0 && w->bytes &&
+	                   (r->to == WH_FORMAT_OBJ || r->to == WH_FORMAT_PLY));
 	if (!obj || !kept)
 		note_dropped(r->report, name);
 }
 
 /* What faces and corners carry, each name by itself. */
-static void note_wedges(wh_reduce_report *t, const wh_wedges *w)
+static void note_wedges(wh_run *r)
 {
+	wh_reduce_report *t = r->report;
+	const wh_wedges *w = &r->input.wedges;
 	if (w->corner.n && !w->of_vertices)
 		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
 	for (uint32_t i = 0; i < w->face.n; i++) {
 		char name[300];
+		if (!is_written(r, w->face.item[i].name))
+			continue;
 		(void)snprintf(name, sizeof name, "%.250s of faces", w->face.item[i].name);
 		note_name(t->carried, sizeof t->carried, name);
 	}
@@ -172,7 +186,9 @@ void wh_run_list_dropped(wh_run *r)
 		note_dropped(r->report, "double precision");
 	for (int kind = 0; kind < WH_KINDS; kind++)
 		note_carried(r->report, attributes_of_file(r), (wh_kind)kind);
-	note_wedges(r->report, &r->input.wedges);
+	note_wedges(r);
+	if (p->textures.n && r->to != WH_FORMAT_PLY && !wh_run_style(r).texture)
+		note_dropped(r->report, "names of texture files");
 }
 
 /* Of a body that could be used in place, when rply reads it all the same. */

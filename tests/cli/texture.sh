@@ -8,6 +8,7 @@ command -v python3 >/dev/null || {
 # atlas.py make N FORMAT FILE: a ball of six charts of N x N squares, with two materials; "doubled": in
 # which each vertex has texture coordinates, so that those on borders of charts are there twice or
 # three times, with a quality and a normal; "off": the same of text without these
+# atlas.py charts FILE: of any mesh, how many charts it has, and triangles turned over in them
 # atlas.py look FILE: what became of it: triangles turned over in the texture, corners outside their
 # chart, corners on borders that the file did not have, faces of a wrong material, edges that are open
 # where equal positions are one
@@ -206,7 +207,33 @@ def look(path, n):
     print(len(faces), "faces", turned, "turned", outside, "outside", wrong, "wrong", fresh, "fresh",
           sum(c != 2 for c in edges.values()), "open;", len(borders) > 20, len({f[3] for f in faces}))
 
-if sys.argv[1] == "make": make(int(sys.argv[2]), sys.argv[3], sys.argv[4])
+def charts(path): # of any mesh: charts, and triangles turned over against most of their chart
+    places, faces = load_obj(path) if path.endswith("obj") else load_scan(path)
+    up, corner = list(range(len(faces))), {}
+    def root(i):
+        while up[i] != i: up[i] = up[up[i]]; i = up[i]
+        return i
+    for i, (ids, uv, *_) in enumerate(faces):
+        for k in range(3):
+            a, b = sorted(((ids[k], uv[k]), (ids[(k + 1) % 3], uv[(k + 1) % 3])))
+            up[root(i)] = root(corner.setdefault((a, b), i))
+    signs = {}
+    for i, (ids, uv, *_) in enumerate(faces):
+        (a, b), (c, d), (g, h) = uv
+        s = signs.setdefault(root(i), [0, 0])
+        area = (c - a) * (h - b) - (d - b) * (g - a)
+        if area: s[area > 0] += 1
+    print(len(faces), "faces", len(signs), "charts", sum(min(s) for s in signs.values()), "turned")
+
+def load_scan(path):
+    data = open(path, "rb").read()
+    end = data.index(b"end_header\n") + 11
+    nv, nf = (int(l.split()[2]) for l in data[:end].decode().split("\n") if l.startswith("element"))
+    rows = [struct.unpack_from("<B3IB6f", data, end + 12 * nv + 38 * i) for i in range(nf)]
+    return None, [(r[1:4], [tuple(r[5 + 2 * k:7 + 2 * k]) for k in range(3)]) for r in rows]
+
+if sys.argv[1] == "charts": charts(sys.argv[2])
+elif sys.argv[1] == "make": make(int(sys.argv[2]), sys.argv[3], sys.argv[4])
 else: look(sys.argv[2], int(sys.argv[3]))
 END
 
@@ -239,6 +266,20 @@ for input in ball.obj ball.ply; do
 	cmp -s streamed.$kind again.$kind || fail "threads changed the bytes of a streamed $kind"
 done
 grep -qx 'mtllib some ball.mtl' one.obj || fail "the library of materials is gone"
+
+# names of materials and groups come through PLY, and the materials' textures with them
+expect 0 "$WHITTLE" reduce ball.obj -o named.ply --faces 20%
+grep -q 'carried over: texture coordinates of corners, material of faces, group of faces$' out || fail "not named: $(cat out)"
+! grep -q 'not carried' out || fail "left behind: $(cat out)"
+for line in 'MaterialFile some ball.mtl' 'Material skin' 'Material old bone' 'Group g side 5'; do
+	grep -aqx "comment $line" named.ply || fail "no comment: $line"
+done
+expect 0 "$WHITTLE" reduce named.ply -o named.obj --faces 50%
+! grep -q 'not carried' out || fail "left behind: $(cat out)"
+grep -qx 'mtllib some ball.mtl' named.obj || fail "the library of materials is gone"
+looks named.obj 690
+expect 0 "$WHITTLE" reduce ball.ply -o numbers.obj --faces 10%
+grep -q 'not carried over: red of faces, texnumber of faces, names of texture files$' out || fail "not named: $(cat out)"
 
 # text says the same as binary; what is left out on request
 expect 0 "$WHITTLE" reduce -q text.ply -o from-text.ply --faces 10%
@@ -287,6 +328,16 @@ for input in ball.obj ball.ply doubled.ply; do
 	done
 done
 
+# a real scan
+scan=${WHITTLE_DATA:-}/scans/openmvs_scene_mesh_texture.ply
+if [ -r "$scan" ]; then
+	expect 0 "$WHITTLE" reduce -q "$scan" -o scan.ply --faces 10%
+	before=$(python3 atlas.py charts "$scan") after=$(python3 atlas.py charts scan.ply)
+	[ "${after#* faces }" = "${before#* faces }" ] || fail "a scan: $before; then $after"
+else
+	echo "no scan: $scan"
+fi
+
 # a run that is resumed
 expect 0 "$WHITTLE" reduce -q ball.ply -o resumed.ply --faces 20% "${streamed[@]}" --run-dir run --resume
 cmp -s streamed.ply resumed.ply || fail "a run with a folder gives another result"
@@ -308,12 +359,30 @@ END
 if "$WHITTLE" render -q ball.obj -o plain.png --size 60x40 2>err; then
 	expect 0 "$WHITTLE" render -q ball.obj -o named.png --size 60x40 --texture
 	cmp -s plain.png named.png && fail "the texture is not seen"
+	expect 0 "$WHITTLE" reduce -q ball.obj -o whole.ply --faces 6900
+	expect 0 "$WHITTLE" render -q whole.ply -o whole.png --size 60x40 --texture
+	expect 0 "$WHITTLE" render -q whole.ply -o same.png --size 60x40 --texture=skin.png
+	cmp -s whole.png same.png || fail "materials of a PLY file have no textures"
 	expect 0 "$WHITTLE" render -q ball.obj -o given.png --size 60x40 --texture=skin.png --threads 1
 	cmp -s named.png given.png || fail "the same texture gives another picture"
 	expect 0 "$WHITTLE" render -q doubled.ply -o doubled.png --size 60x40 --texture=skin.png
 	cmp -s named.png doubled.png || fail "texture coordinates of vertices give another picture"
 	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture
 	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=ball.obj
+	base64 -d >skin.jpg <<-'END' # the same picture
+		/9j/4AAQSkZJRgABAQAAAQABAAD/2wBDAAMCAgICAgMCAgIDAwMDBAYEBAQEBAgGBgUGCQgKCgkICQkKDA8MCgsOCwkJDRENDg8Q
+		EBEQCgwSExIQEw8QEBD/2wBDAQMDAwQDBAgEBAgQCwkLEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQ
+		EBAQEBAQEBD/wAARCAAQABADAREAAhEBAxEB/8QAFQABAQAAAAAAAAAAAAAAAAAACAn/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/8QA
+		FwEAAwEAAAAAAAAAAAAAAAAABgcJCv/EABQRAQAAAAAAAAAAAAAAAAAAAAD/2gAMAwEAAhEDEQA/AKIJvi0ND1StD07mnANDySsf
+		/9k=
+	END
+	if "$WHITTLE" render -q ball.obj -o jpeg.png --size 60x40 --texture=skin.jpg 2>err; then
+		cmp -s plain.png jpeg.png && fail "a JPEG texture is not seen"
+		head -c 200 skin.jpg >short.jpg
+		expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=short.jpg
+	else
+		grep -q libjpeg err || fail "no JPEG: $(cat err)"
+	fi
 	head -c 60 skin.png >short.png
 	expect 3 "$WHITTLE" render -q ball.ply -o never.png --texture=short.png
 else
