@@ -36,36 +36,16 @@ wh_reduce_params wh_reduce_defaults(void)
 	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
-/* "obj", "ply.gz". */
-static bool parse_to(const char *text, wh_format *to, wh_packing *packing)
-{
-	char name[8];
-	const size_t n = strcspn(text, ".");
-	*packing = wh_packing_of_name(text);
-	if (n >= sizeof name || (text[n] && *packing == WH_PACKING_NONE) ||
-	    strchr(text, '.') != strrchr(text, '.'))
-		return false;
-	memcpy(name, text, n);
-	name[n] = '\0';
-	return wh_format_parse(name, to);
-}
-
 /* The formats that the caller names, or the output's name tells. */
 static wh_code take_formats(wh_run *r)
 {
 	const char *reader = r->params->reader;
-	const char *from = r->params->from, *to = r->params->to, *output = r->params->output;
-	if (to && !parse_to(to, &r->to, &r->packing))
+	const char *from = r->params->from, *to = r->params->to;
+	if (!wh_format_of_output(to, r->params->output, &r->to, &r->packing))
 		return wh_fail(r->c, WH_E_USAGE,
 		               "'%s' is no format that can be written: give ply, obj, off, stl or "
 		               "glb, perhaps with .gz or .zst behind it",
 		               to);
-	if (!to && output) {
-		r->to = wh_format_of_name(output);
-		r->packing = wh_packing_of_name(output);
-	}
-	if (r->to == WH_FORMAT_ANY)
-		r->to = WH_FORMAT_PLY;
 	if (r->params->quantize && r->to != WH_FORMAT_GLB)
 		return wh_fail(r->c, WH_E_USAGE,
 		               "only GLB is written with quantized positions: name the output "
@@ -108,7 +88,11 @@ static wh_code reach(wh_run *r)
 {
 	if (!r->stitched && wh_run_rounds(r) != WH_OK)
 		return r->c->err.code;
-	if (!r->stitched && wh_plan_streams(&r->sizes, r->store.clusters, r->faces))
+	const bool streams =
+	    !r->stitched && wh_plan_streams(&r->sizes, r->store.clusters, r->faces);
+	if (streams && r->params->progressive)
+		return wh_run_refuse_streamed(r);
+	if (streams)
 		return wh_run_settle(r) == WH_OK ? wh_run_end_rounds(r) : r->c->err.code;
 	if (!r->stitched && (wh_run_end_rounds(r) != WH_OK || wh_run_stitch(r) != WH_OK))
 		return r->c->err.code;
@@ -120,10 +104,10 @@ static wh_code deliver(wh_run *r, wh_outfile **out)
 {
 	if (wh_run_is_delivered(r))
 		return WH_OK;
+	if (r->stitched && (wh_run_check(r) != WH_OK || wh_run_open_output(r, out) != WH_OK))
+		return r->c->err.code;
 	if (r->stitched)
-		return wh_run_check(r) == WH_OK && wh_run_open_output(r, out) == WH_OK
-		           ? wh_run_write(r, out)
-		           : r->c->err.code;
+		return r->params->progressive ? wh_run_write_record(r, out) : wh_run_write(r, out);
 	return wh_run_check_clusters(r) == WH_OK && wh_run_open_output(r, out) == WH_OK
 	           ? wh_run_emit(r, out)
 	           : r->c->err.code;
@@ -223,7 +207,7 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		return c->err.code;
 	if (p->resume && !p->run_dir)
 		return wh_fail(c, WH_E_USAGE, "--resume needs the --run-dir that is to be resumed");
-	if (wh_run_sensible_stage(c, p) != WH_OK)
+	if (wh_run_sensible_record(c, p) != WH_OK || wh_run_sensible_stage(c, p) != WH_OK)
 		return c->err.code;
 	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)
 		return wh_fail(c, WH_E_USAGE,
@@ -273,6 +257,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	for (size_t i = 0; i < params->levels; i++)
 		report->bytes_written += report->level[i].bytes;
 	wh_patch_free(c, &r.patch);
+	wh_sequence_free(c, &r.sequence);
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
 	wh_run_close_folder(&r, code);

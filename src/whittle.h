@@ -53,6 +53,10 @@ typedef struct wh_reduce_params {
 	bool force;         /* write over an existing output */
 	bool ascii;         /* text instead of binary */
 	bool quantize;      /* GLB with positions of 16 bits, normals and colours of 8 */
+	bool progressive;   /* the output is no mesh but a progressive one (io/pmesh.h): the result,
+	                       which is its base, and every collapse that led there; to be played
+	                       with wh_replay_open. Levels, run directories, changes of topology,
+	                       forms of the output and what faces carry do not go with it */
 	const char *seams;  /* NULL, or a path for the cut vertices of the first partition: a binary
 	                       PLY of positions; empty when there is one cluster */
 
@@ -202,6 +206,7 @@ typedef struct wh_reduce_report {
 	double diagonal;   /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;
+	uint64_t collapses; /* of a progressive mesh */
 	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
 	int64_t euler;
 	char checksum[33]; /* XXH3-128 of the output's bytes, hexadecimal */
@@ -296,5 +301,73 @@ void wh_reduce_mpi_abort(int status);
  * is one that wh_reduce would begin with, too. Nothing but the header and the first faces is read.
  */
 wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report *report);
+
+/* ---- progressive meshes ------------------------------------------------------------------- */
+
+/*
+ * A progressive mesh that is played (H. Hoppe, "Progressive meshes", SIGGRAPH 1996): the file that
+ * wh_reduce leaves with params.progressive. Level 0 is its base, the result of that reduction; each
+ * level has one vertex split more than the one before it, which makes one vertex, and one face or
+ * two (rarely none); the last is the finest mesh, which was reduced. Vertices and faces of a level
+ * are the first ones of the next. The bytes of a level do not depend on the way there.
+ *
+ * One may be used by one thread at a time, all calls with contexts of the same account. After a
+ * failure of wh_replay_seek or what calls it, only closing is of use.
+ */
+typedef struct wh_replay wh_replay;
+
+typedef struct wh_replay_info {
+	uint64_t splits; /* of all levels */
+	uint64_t base_vertices, base_faces;
+	uint64_t vertices, faces; /* of the finest mesh */
+	uint64_t file_bytes, input_bytes;
+	double base_error; /* accumulated distance estimate, as of wh_reduce_params.error */
+	double diagonal;   /* of the bounding box of the file that was reduced */
+	uint64_t level;    /* at hand; splits done */
+	uint64_t level_vertices, level_faces;
+	double level_error;
+	size_t memory_least; /* smallest ceiling that the finest level takes */
+} wh_replay_info;
+
+/*
+ * Opens a file at its base. `memory`: ceiling of the process in bytes, which holds for every call
+ * with it; 0: half of what there is. WH_E_INPUT, naming the place, for what is damaged or no such
+ * file; WH_E_PLAN when the base does not fit. On failure *r is NULL.
+ */
+wh_code wh_replay_open(wh_ctx *c, wh_replay **r, const char *path, size_t memory);
+/* NULL is allowed. *r becomes NULL. */
+void wh_replay_close(wh_ctx *c, wh_replay **r);
+void wh_replay_tell(const wh_replay *r, wh_replay_info *info);
+
+/*
+ * The level that these limits mean (`output` does not count): the finest with no more faces or
+ * vertices, shares being those of the finest mesh, or the coarsest with no larger error; of several
+ * the finest, as the first one reached stops a reduction. No limit: the last level. *reached: false
+ * when even the base has more faces or vertices; then *level is 0.
+ */
+wh_code wh_replay_find(wh_ctx *c, wh_replay *r, const wh_level *limits, uint64_t *level,
+                       bool *reached);
+/* Goes to a level, forward or back; beyond the last one, to that. WH_E_PLAN, naming a ceiling that
+ * does, when it does not fit; WH_E_INPUT when the file is damaged on the way. */
+wh_code wh_replay_seek(wh_ctx *c, wh_replay *r, uint64_t level);
+
+/* How a level is written; the members mean what those of wh_reduce_params do. */
+typedef struct wh_replay_output {
+	const char *path, *to;
+	bool force, ascii, quantize;
+} wh_replay_output;
+
+/* Writes the level at hand. Of level 0 the bytes are those of the reduction's own output. checksum:
+ * XXH3-128 of them, hexadecimal; NULL: nobody wants it. On failure no output appears. */
+wh_code wh_replay_write(wh_ctx *c, wh_replay *r, const wh_replay_output *out, char checksum[33]);
+
+/*
+ * Writes the collapses from the level at hand back to a coarser one, at which it ends, one a line,
+ * to a file ("-": standard output): the vertex that goes and the one that stays; x, y and z of
+ * where that is then; the number of faces that vanish, and which; the number of faces that change a
+ * corner, and which. Numbers have blanks between them; vertices and faces have their numbers of all
+ * levels.
+ */
+wh_code wh_replay_text(wh_ctx *c, wh_replay *r, uint64_t level, const char *path, bool force);
 
 #endif

@@ -12,6 +12,8 @@
 #include "io/format.h"
 
 int cmd_reduce(int argc, char **argv);
+int cmd_progressive(int argc, char **argv);
+int cmd_replay(int argc, char **argv);
 int cmd_plan(int argc, char **argv);
 int cmd_stage(int argc, char **argv);
 int cmd_info(int argc, char **argv);

@@ -406,6 +406,8 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return levels_options_take(argv[0], o);
 	}
 	if (!has_limit(&o->params))
+		o->params.face_ratio = o->share;
+	if (!has_limit(&o->params))
 		return cmd_usage_error(
 		    argv[0], "no target given: add --faces, --vertices, --ratio or --error");
 	return WH_OK;

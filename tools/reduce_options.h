@@ -8,7 +8,8 @@
 
 typedef struct reduce_options {
 	wh_reduce_params params;
-	char weights[1024];                /* what params.weights points to */
+	char weights[1024]; /* what params.weights points to */
+	double share; /* of the faces that is the target where none is given; 0: that is wrong */
 	const char *levels, *levels_error; /* lists; NULL: none */
 	wh_level level[WH_LEVELS_MOST];    /* what params.level points to, */
 	char names[16384];                 /* and their outputs and the last one's */

@@ -14,6 +14,8 @@ typedef struct command {
 
 static const command commands[] = {
     {"reduce", cmd_reduce, "IN -o OUT --faces N", "reduce a mesh to a size or an error"},
+    {"progressive", cmd_progressive, "IN -o FILE.pmesh", "reduce it, and record every collapse"},
+    {"replay", cmd_replay, "FILE.pmesh -o OUT", "a mesh of any size from such a record"},
     {"plan", cmd_plan, "IN --faces N", "what reduce would take: memory, disk, rounds"},
     {"stage", cmd_stage, "STAGE --run-dir DIR", "a part of a run on several machines"},
     {"info", cmd_info, "FILE", "what a mesh file holds, from its header"},
@@ -31,7 +33,7 @@ static void print_help(FILE *f)
 	(void)fprintf(f, "whittle reduces triangle meshes that are larger than memory.\n\n"
 	                 "usage: whittle COMMAND ...\n\n");
 	for (int i = 0; i < NCOMMANDS; i++)
-		(void)fprintf(f, "  %-9s %-21s %s\n", commands[i].name, commands[i].args,
+		(void)fprintf(f, "  %-11s %-21s %s\n", commands[i].name, commands[i].args,
 		              commands[i].what);
 	(void)fprintf(
 	    f, "\n  whittle COMMAND --help   the options of one command\n"

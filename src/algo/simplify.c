@@ -384,7 +384,8 @@ static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
 		return e->surgery ? try_surgery(e, i, bucket, out) : WH_OK;
 	if (!wh_trial_sound(e, t) || (e->wedges && !wh_wedges_plan(e, hub, &w->fan, i, t)))
 		return WH_OK;
-	const double err = isfinite(e->params->max_err) ? wh_trial_distance(e, t) : 0;
+	const bool tracked = isfinite(e->params->max_err) || e->params->track_err;
+	const double err = tracked ? wh_trial_distance(e, t) : 0;
 	if (!(err <= e->params->max_err))
 		return WH_OK;
 	if (e->params->most_faces && e->taken + t->nshared > e->params->most_faces) {

@@ -52,8 +52,8 @@ typedef struct wh_simplify_params {
 	wh_cost_log *log;  /* is added to; NULL: no log */
 	bool log_in_order; /* a collapse counts at the highest cost so far, not at its own: the
 	                      collapses below a bin are the first ones of the run */
-	const wh_collapse_sink
-	    *sink; /* gets every collapse, where `insist` is not set; NULL: nobody */
+	const wh_collapse_sink *sink; /* gets every collapse; NULL: nobody */
+	bool track_err; /* accumulated distances are worked out even where max_err allows any */
 	const struct wh_attributes *attributes; /* what the patch's records hold; NULL: nothing */
 	const struct wh_wedges
 	    *wedges;           /* what the records of the patch's faces hold; NULL: nothing */

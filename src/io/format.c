@@ -55,6 +55,30 @@ wh_format wh_format_of_name(const char *path)
 
 /* --- content --- */
 
+/* "obj", "ply.gz". */
+static bool parse_output(const char *text, wh_format *f, wh_packing *packing)
+{
+	char name[8];
+	const size_t n = strcspn(text, ".");
+	*packing = wh_packing_of_name(text);
+	if (n >= sizeof name || (text[n] && *packing == WH_PACKING_NONE) ||
+	    strchr(text, '.') != strrchr(text, '.'))
+		return false;
+	memcpy(name, text, n);
+	name[n] = '\0';
+	return wh_format_parse(name, f);
+}
+
+bool wh_format_of_output(const char *to, const char *path, wh_format *f, wh_packing *packing)
+{
+	if (to)
+		return parse_output(to, f, packing);
+	*f = path ? wh_format_of_name(path) : WH_FORMAT_ANY;
+	*packing = path ? wh_packing_of_name(path) : WH_PACKING_NONE;
+	*f = *f == WH_FORMAT_ANY ? WH_FORMAT_PLY : *f;
+	return true;
+}
+
 wh_packing wh_packing_of_bytes(const char *head, size_t n)
 {
 	if (n >= 2 && memcmp(head, "\x1f\x8b", 2) == 0)

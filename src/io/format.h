@@ -31,6 +31,12 @@ bool wh_format_parse(const char *name, wh_format *f);
 wh_format wh_format_of_name(const char *path);
 wh_packing wh_packing_of_name(const char *path);
 
+/*
+ * How an output is written: as `to` says ("obj", or "ply.gz"), or, where it is NULL, as the name
+ * of the file (NULL: nothing) ends, or else as PLY. False: there is no such format.
+ */
+bool wh_format_of_output(const char *to, const char *path, wh_format *f, wh_packing *packing);
+
 /* By the first n bytes of a file of `size` bytes. WH_FORMAT_ANY: they do not tell. */
 wh_format wh_format_of_bytes(const char *head, size_t n, uint64_t size);
 wh_packing wh_packing_of_bytes(const char *head, size_t n);

@@ -1,6 +1,6 @@
 #include "mesh/collapse.h"
 
-void wh_replay_begin(const wh_patch *p, uint32_t *into)
+void wh_redo_begin(const wh_patch *p, uint32_t *into)
 {
 	for (uint32_t v = 0; v < p->nv; v++)
 		into[v] = v;
@@ -16,7 +16,7 @@ static uint32_t end_of(uint32_t *into, uint32_t v)
 	return v;
 }
 
-void wh_replay_end(wh_patch *p, uint32_t *into)
+void wh_redo_end(wh_patch *p, uint32_t *into)
 {
 	uint32_t *to = p->tri;
 	for (uint32_t f = 0; f < p->nf; f++) {

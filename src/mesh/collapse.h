@@ -10,7 +10,8 @@
 
 #include "mesh/patch.h"
 
-/* Vertices are places in the patch as it was before the first collapse of the run. */
+/* Vertices are places in the patch as it was before the first collapse; in a last pass, which goes
+ * through a patch several times, as it was at the beginning of that time. */
 typedef struct wh_collapse {
 	uint32_t u, v; /* u goes, v stays */
 	wh_vec3 at;    /* where v is then */
@@ -27,10 +28,10 @@ typedef struct wh_collapse_sink {
 } wh_collapse_sink;
 
 /* Before the first collapse: every vertex of p into itself. `into` has room for p->nv. */
-void wh_replay_begin(const wh_patch *p, uint32_t *into);
+void wh_redo_begin(const wh_patch *p, uint32_t *into);
 
 /* One collapse; faces are looked at in the end. The caller sees to attributes. */
-static inline void wh_replay(wh_patch *p, uint32_t *into, const wh_collapse *r)
+static inline void wh_redo(wh_patch *p, uint32_t *into, const wh_collapse *r)
 {
 	into[r->u] = r->v;
 	p->pos[r->v] = r->at;
@@ -38,6 +39,6 @@ static inline void wh_replay(wh_patch *p, uint32_t *into, const wh_collapse *r)
 }
 
 /* After the last: drops faces that vanished and vertices without faces. O(nv + nf). */
-void wh_replay_end(wh_patch *p, uint32_t *into);
+void wh_redo_end(wh_patch *p, uint32_t *into);
 
 #endif

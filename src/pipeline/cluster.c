@@ -210,6 +210,21 @@ static void put_back(const wh_patch *m, wh_patch *p, uint32_t *nf)
 	*nf += m->nf;
 }
 
+/* Passes the collapses of a micro-cluster on as those of the cluster. */
+typedef struct relay {
+	const wh_collapse_sink *sink;
+	const wh_patch *micro;
+} relay;
+
+static wh_code pass_on(wh_ctx *c, void *to, const wh_collapse *one, const uint8_t *attr)
+{
+	const relay *r = to;
+	wh_collapse outer = *one;
+	outer.u = (uint32_t)r->micro->gid[one->u];
+	outer.v = (uint32_t)r->micro->gid[one->v];
+	return r->sink->put(c, r->sink->to, &outer, attr);
+}
+
 static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
                              const wh_cluster_params *params, wh_simplify_result *result)
 {
@@ -218,6 +233,9 @@ static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 		return c->err.code;
 	wh_simplify_params inner = params->all;
 	inner.max_cost = params->micro_cost;
+	relay outer = {params->all.sink, &w->micro};
+	const wh_collapse_sink sink = {pass_on, &outer};
+	inner.sink = outer.sink ? &sink : NULL;
 	uint32_t nf = 0;
 	for (uint32_t k = 0; k < cells; k++) {
 		wh_simplify_result one;

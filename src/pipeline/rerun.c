@@ -107,7 +107,7 @@ static wh_code perform(wh_ctx *c, wh_rerun *r, uint64_t size, wh_rerun_limit lim
 				return WH_OK;
 			if (!is_possible(r, p, &one))
 				return damaged(c, r);
-			wh_replay(p, r->into, &one);
+			wh_redo(p, r->into, &one);
 			if (r->attr_bytes)
 				memcpy(wh_patch_attr(p, one.v), at + sizeof one, r->attr_bytes);
 			wh_simplify_result_note(result, one.cost, one.weight, (double)one.err);
@@ -133,13 +133,13 @@ wh_code wh_rerun_perform(wh_ctx *c, wh_rerun *r, wh_spill *spill, uint32_t k, wh
 	r->fd = wh_spill_read(c, spill, name);
 	if (r->fd < 0)
 		return wh_failed(c);
-	wh_replay_begin(p, r->into);
+	wh_redo_begin(p, r->into);
 	wh_code code =
 	    fstat(r->fd, &st) == 0 ? WH_OK : wh_fail_errno(c, "cannot look at '%s'", name);
 	if (code == WH_OK)
 		code = perform(c, r, (uint64_t)st.st_size, limit, p, result);
 	(void)close(r->fd);
-	wh_replay_end(p, r->into);
+	wh_redo_end(p, r->into);
 	wh_spill_remove(spill, name);
 	return code;
 }

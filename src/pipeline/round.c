@@ -6,6 +6,7 @@
 #include "pipeline/ledger.h"
 #include "pipeline/pieces.h"
 #include "pipeline/rerun.h"
+#include "pipeline/sequence.h"
 
 #include <string.h>
 
@@ -120,6 +121,7 @@ typedef struct reduce_run {
 	const wh_store *from, *to;
 	wh_progress *progress;
 	wh_hand *hands;
+	wh_sequence_writer *writer; /* one for each worker; NULL: collapses are not kept */
 	const wh_cluster_params *params;
 	const uint64_t *order; /* of the clusters */
 	wh_round_result *part; /* one for each cluster */
@@ -143,6 +145,22 @@ static bool is_elsewhere(const wh_ctx *c, const reduce_run *r, uint32_t k)
 	       wh_store_checksum(&own, r->to, k, &checksum) == WH_OK;
 }
 
+/* Reduces the patch at hand, which is cluster k, and keeps the collapses where that is asked for.
+ */
+static wh_code reduce_patch(wh_ctx *c, const reduce_run *r, wh_hand *h, uint32_t k, int worker,
+                            wh_simplify_result *done)
+{
+	if (!r->writer)
+		return wh_cluster_reduce(c, h->work, &h->patch, r->params, done);
+	wh_sequence_writer *w = &r->writer[worker];
+	const wh_collapse_sink sink = {wh_sequence_put, w};
+	wh_cluster_params p = *r->params;
+	p.all.sink = &sink;
+	if (wh_sequence_begin(c, w, r->to->spill, r->to->generation, k, &h->patch) != WH_OK)
+		return c->err.code;
+	return wh_sequence_end(c, w, wh_cluster_reduce(c, h->work, &h->patch, &p, done));
+}
+
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const reduce_run *r = arg;
@@ -157,7 +175,7 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
 	out->unreferenced = h->scratch.unreferenced;
-	if (wh_cluster_reduce(c, h->work, &h->patch, r->params, &out->work) != WH_OK ||
+	if (reduce_patch(c, r, h, k, worker, &out->work) != WH_OK ||
 	    wh_store_save(c, r->to, k, &h->patch) != WH_OK)
 		return c->err.code;
 	out->faces = h->patch.nf;
@@ -194,6 +212,8 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	uint64_t *order = wh_round_longest_first(c, from);
 	r.order = order;
+	if (to->record)
+		r.writer = wh_calloc(c, (size_t)ex->workers, sizeof *r.writer);
 	wh_code code = c->err.code;
 	if (code == WH_OK)
 		code =
@@ -202,6 +222,9 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	for (uint32_t k = 0; code == WH_OK && k < from->clusters; k++)
 		wh_round_result_add(result, &r.part[k]);
 	wh_free(c, order);
+	for (int i = 0; r.writer && i < ex->workers; i++)
+		wh_free(c, r.writer[i].buf);
+	wh_free(c, r.writer);
 	wh_free(c, r.part);
 	wh_hands_free(c, r.hands, ex->workers);
 	return code;

@@ -49,6 +49,7 @@ typedef struct wh_store {
 	uint32_t face_bytes;     /* of a face and its corners */
 	bool local_corners;
 	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
+	bool record;              /* that round keeps its collapses, too (pipeline/sequence.h) */
 } wh_store;
 
 /* Lays out `to` as rounds over `from` leave a store: the same clusters and records, with an error

@@ -15,7 +15,7 @@ wh_code wh_run_stitch(wh_run *r)
 	wh_run_note_unreferenced(r, unreferenced);
 	r->report->never_free_vertices = 0; /* no vertex is on a cut now */
 	if (code == WH_OK && !r->journaled) /* else whoever resumes this needs them */
-		wh_round_remove(&r->store);
+		wh_run_forget(r, &r->store);
 	r->stitched = true;
 	return wh_run_phase_end(r, WH_PHASE_STITCH, code);
 }
@@ -38,6 +38,23 @@ static wh_code separate(wh_run *r)
 	return code;
 }
 
+/* The last collapses; of a progressive mesh they are kept. */
+static wh_code simplify(wh_run *r, wh_simplify_work *w, wh_simplify_params *p,
+                        wh_simplify_result *done)
+{
+	if (!r->params->progressive)
+		return wh_simplify(r->c, w, &r->patch, p, done);
+	const uint32_t generation = r->generations++;
+	wh_sequence_writer writer = {0};
+	const wh_collapse_sink sink = {wh_sequence_put, &writer};
+	wh_code code = wh_sequence_begin(r->c, &writer, &r->spill, generation, 0, &r->patch);
+	p->sink = &sink;
+	if (code == WH_OK)
+		code = wh_sequence_end(r->c, &writer, wh_simplify(r->c, w, &r->patch, p, done));
+	wh_free(r->c, writer.buf);
+	return code == WH_OK ? wh_sequence_keep(r->c, &r->sequence, generation, 1) : code;
+}
+
 wh_code wh_run_final_pass(wh_run *r)
 {
 	wh_reduce_report *t = r->report;
@@ -53,7 +70,7 @@ wh_code wh_run_final_pass(wh_run *r)
 	wh_simplify_work *w = wh_simplify_work_new(r->c);
 	wh_code code = w ? WH_OK : r->c->err.code;
 	if (code == WH_OK)
-		code = wh_simplify(r->c, w, &r->patch, &p, &done);
+		code = simplify(r, w, &p, &done);
 	wh_simplify_work_free(r->c, w);
 	if (code == WH_OK) {
 		wh_simplify_result_add(&r->work, &done);

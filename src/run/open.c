@@ -259,7 +259,7 @@ wh_code wh_run_refuse_early(wh_run *r)
 		if (r->plan.stage[i].need > r->plan.stage[most].need)
 			most = i;
 	if (r->plan.stage[most].need <= wh_run_budget(r))
-		return WH_OK;
+		return wh_run_refuse_record(r);
 	return wh_run_too_small(r, wh_plan_stage_name((wh_plan_stage)most), 0);
 }
 
@@ -393,6 +393,7 @@ wh_code wh_run_ingest(wh_run *r)
 	if (r->faces == 0)
 		return nothing_left(r);
 	wh_run_limit_error(r);
+	wh_run_keep_origin(r);
 	return WH_OK;
 }
 

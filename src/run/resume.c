@@ -676,7 +676,7 @@ wh_code wh_run_record(wh_run *r, const wh_step *step)
 
 void wh_run_forget(wh_run *r, const wh_store *store)
 {
-	if (!wh_run_is_part(r))
+	if (!wh_run_is_part(r) && !wh_run_is_origin(r, store))
 		wh_round_remove(store);
 }
 

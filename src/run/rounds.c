@@ -82,7 +82,7 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
  * cost nothing at all, the mesh is left as it was. */
 static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 {
-	wh_store next = {.spill = &r->spill};
+	wh_store next = {.spill = &r->spill, .record = r->params->progressive};
 	wh_step done;
 	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
 	uint64_t last = 0;
@@ -94,12 +94,16 @@ static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 		if (done.kept)
 			break;
 		wh_run_forget(r, &next);
+		wh_sequence_drop(&r->spill, next.generation, next.record ? next.clusters : 0);
 		if (lowered == MOST_LOWERINGS || done.faces == last)
 			return WH_OK;
 		last = done.faces;
 		p->all.max_cost /= 8;
 		p->micro_cost /= 8;
 	}
+	if (next.record &&
+	    wh_sequence_keep(r->c, &r->sequence, next.generation, next.clusters) != WH_OK)
+		return r->c->err.code;
 	wh_run_forget(r, &r->store);
 	r->store = next;
 	r->faces = done.faces;

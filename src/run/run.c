@@ -138,7 +138,7 @@ bool wh_run_is_no_smaller(const wh_run *r)
 
 bool wh_run_copies(const wh_run *r)
 {
-	if (r->to != r->input.ply.kind || wh_run_has_hygiene(r))
+	if (r->to != r->input.ply.kind || wh_run_has_hygiene(r) || r->params->progressive)
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
@@ -232,6 +232,7 @@ wh_simplify_params wh_run_engine(const wh_run *r)
 	policy.unscale = 1 / r->ingest.scale;
 	return (wh_simplify_params){.max_cost = INFINITY,
 	                            .max_err = r->max_err * r->ingest.scale,
+	                            .track_err = r->params->progressive,
 	                            .fast = r->params->fast,
 	                            .free_topology = r->params->simplify_topology,
 	                            .lock_boundary = r->params->lock_boundary,

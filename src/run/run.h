@@ -8,6 +8,7 @@
  *     stream.c   a result larger than memory: settle, check, emit, cluster by cluster
  *     last.c     a result that fits: stitch, final pass, check, write
  *     output.c   the outputs: when they are opened, what they may replace
+ *     record.c   a run whose collapses are kept: progressive meshes
  *     share.c    runs that several processes share: what a part does, and how parts are joined
  *     levels.c   several results: which one is next, what became of it
  *     resume.c   the folder of a run that can be resumed, and what is done of it
@@ -28,6 +29,7 @@
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
 #include "pipeline/round.h"
+#include "pipeline/sequence.h"
 #include "pipeline/sift.h"
 #include "run/manifest.h"
 
@@ -56,8 +58,10 @@ typedef struct wh_run {
 	uint32_t generations, recuts;
 	uint32_t recuts_begun; /* of the result at hand: cuts anew before it */
 	wh_patch patch;
-	size_t at;    /* the result to reach: a level, or, after all of them, the last */
-	wh_level aim; /* its limits */
+	wh_store origin;      /* of a progressive mesh: as ingested, */
+	wh_sequence sequence; /* and what was done to it */
+	size_t at;            /* the result to reach: a level, or, after all of them, the last */
+	wh_level aim;         /* its limits */
 	double max_err;
 	double phase_start;
 	wh_exec_stats stats; /* of the phase so far, as are the next two */
@@ -226,6 +230,20 @@ wh_code wh_run_end_part(wh_run *r, wh_code code);
 wh_code wh_run_alone(wh_run *r);
 /* There are no more rounds. */
 wh_code wh_run_end_rounds(wh_run *r);
+
+/* ---- record.c ----------------------------------------------------------------------------- */
+
+/* These do nothing where no progressive mesh is wanted. Parameters that go together: */
+wh_code wh_run_sensible_record(wh_ctx *c, const wh_reduce_params *p);
+/* What cannot be recorded, or has no room, is refused; the plan is made. */
+wh_code wh_run_refuse_record(wh_run *r);
+/* The ingested mesh is needed again. */
+void wh_run_keep_origin(wh_run *r);
+bool wh_run_is_origin(const wh_run *r, const wh_store *store);
+/* A result that is streamed has no record. */
+wh_code wh_run_refuse_streamed(wh_run *r);
+/* The progressive mesh, whose base is the patch. */
+wh_code wh_run_write_record(wh_run *r, wh_outfile **out);
 
 /* ---- seams.c ------------------------------------------------------------------------------ */
 

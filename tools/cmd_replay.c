@@ -1,0 +1,131 @@
+/* whittle replay: options -> open, seek, write -> words. */
+#define _POSIX_C_SOURCE 200809L
+#include "cmd.h"
+#include "replay_options.h"
+
+#include "base/timer.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: whittle replay FILE.pmesh -o OUT [--faces N | --vertices N | --ratio R |\n"
+    "                                         --error E]\n"
+    "Makes a mesh of any size of a record of whittle progressive; without a limit all of\n"
+    "the mesh that was recorded. Without -o and --text: says what the record holds.\n\n"
+    "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
+    "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst\n"
+    "      --to F            ply, obj, off, stl, glb, ply.gz, ... whatever OUT's name is\n"
+    "  -n, --faces N|P%      triangles, no more than: 200K, 1.5M, 10%\n"
+    "      --vertices N|P%   vertices, no more than\n"
+    "      --ratio R         share of the triangles: 0.1\n"
+    "      --error E|P%      how far the surface may have moved, as estimated, in units of\n"
+    "                        the file or per cent of the bounding-box diagonal\n"
+    "      --text FILE       the collapses from all of the mesh down to that size, one a\n"
+    "                        line; - is standard output. A line: the vertex that goes, the\n"
+    "                        one that stays; x, y, z of where that is then; the number of\n"
+    "                        faces that vanish, and which; the number of faces that\n"
+    "                        change a corner, and which\n"
+    "      --memory SIZE     ceiling of the process: 512M, 4G (default: half of the\n"
+    "                        machine's, its control group's or the job's)\n"
+    "      --ascii           text instead of binary (PLY, STL)\n"
+    "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
+    "  -f, --force           write over existing outputs\n"
+    "  -q, --quiet           no words\n"
+    "Leaves with status 4 when even the base of the record is larger than asked for; the\n"
+    "base is written then.\n";
+
+/* ---- words -------------------------------------------------------------------------------- */
+
+static void print_record(FILE *f, const char *path, const wh_replay_info *i)
+{
+	(void)fprintf(f,
+	              "%s: %llu faces, %llu vertices to %llu faces, %llu vertices in %llu "
+	              "collapses\n",
+	              path, (unsigned long long)i->faces, (unsigned long long)i->vertices,
+	              (unsigned long long)i->base_faces, (unsigned long long)i->base_vertices,
+	              (unsigned long long)i->splits);
+	(void)fprintf(f, "%llu bytes, %.2f a vertex; error of the base %.6g\n",
+	              (unsigned long long)i->file_bytes,
+	              (double)i->file_bytes / (double)i->vertices, i->base_error);
+}
+
+static void print_level(FILE *f, const replay_options *o, const wh_replay_info *i, double seconds)
+{
+	(void)fprintf(f, "%s: level %llu of %llu, %llu faces, %llu vertices, error %.6g\n",
+	              o->out.path ? o->out.path : o->text, (unsigned long long)i->level,
+	              (unsigned long long)i->splits, (unsigned long long)i->level_faces,
+	              (unsigned long long)i->level_vertices, i->level_error);
+	(void)fprintf(f, "%.2f s, %.2f M splits read/s, peak memory %.0f MiB\n", seconds,
+	              seconds > 0 ? (double)i->level / seconds / 1e6 : 0,
+	              (double)cmd_peak_rss() / 1048576.0);
+}
+
+/* ---- what is asked for -------------------------------------------------------------------- */
+
+static wh_code write_text(wh_ctx *c, wh_replay *r, const replay_options *o, uint64_t level)
+{
+	if (wh_replay_seek(c, r, UINT64_MAX) != WH_OK)
+		return c->err.code;
+	return wh_replay_text(c, r, level, o->text, o->out.force);
+}
+
+/* Text and mesh of a level; `seconds`: to get there. */
+static wh_code make(wh_ctx *c, wh_replay *r, const replay_options *o, uint64_t level,
+                    double *seconds)
+{
+	const double start = wh_seconds();
+	const wh_code code = o->text ? write_text(c, r, o, level) : wh_replay_seek(c, r, level);
+	*seconds = wh_seconds() - start;
+	if (code != WH_OK || !o->out.path)
+		return code;
+	return wh_replay_write(c, r, &o->out, NULL);
+}
+
+static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
+{
+	wh_replay_info info;
+	uint64_t level;
+	bool reached;
+	double seconds;
+	const bool dash = (o->out.path && strcmp(o->out.path, "-") == 0) ||
+	                  (o->text && strcmp(o->text, "-") == 0);
+	FILE *words = dash ? stderr : stdout;
+	wh_replay_tell(r, &info);
+	if (!o->quiet)
+		print_record(words, o->input, &info);
+	if (!o->out.path && !o->text)
+		return WH_OK;
+	if (wh_replay_find(c, r, &o->limits, &level, &reached) != WH_OK ||
+	    make(c, r, o, level, &seconds) != WH_OK)
+		return c->err.code;
+	wh_replay_tell(r, &info);
+	if (!o->quiet)
+		print_level(words, o, &info, seconds);
+	return reached ? WH_OK
+	               : wh_fail(c, WH_E_TARGET,
+	                         "'%s' has no fewer than %llu faces, %llu vertices; that base was "
+	                         "written: record it with a smaller target",
+	                         o->input, (unsigned long long)info.base_faces,
+	                         (unsigned long long)info.base_vertices);
+}
+
+int cmd_replay(int argc, char **argv)
+{
+	replay_options o;
+	const int status = replay_options_parse(argc, argv, &o);
+	if (status != WH_OK)
+		return status;
+	if (o.help) {
+		(void)fputs(help, stdout);
+		return WH_OK;
+	}
+	cmd_env env;
+	cmd_env_init(&env, argv[0]);
+	wh_replay *r;
+	wh_code code = wh_replay_open(&env.ctx, &r, o.input, o.memory);
+	if (code == WH_OK)
+		code = play(&env.ctx, r, &o);
+	wh_replay_close(&env.ctx, &r);
+	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
+}
