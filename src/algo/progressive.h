@@ -117,7 +117,8 @@ typedef struct wh_progressive_limit {
 wh_code wh_progressive_find(wh_ctx *c, wh_progressive *p, const wh_progressive_limit *limit,
                             uint64_t *level, bool *kept);
 
-/* Goes to a level that there is, forward or back. What a level holds does not depend on the way there. */
+/* Goes to a level that there is, forward or back. What a level holds does not depend on the way
+ * there. */
 wh_code wh_progressive_seek(wh_ctx *c, wh_progressive *p, uint64_t level);
 
 /* The error of the level at hand. */
