@@ -279,6 +279,7 @@ static void properties_and_large_fans_come_back(void **state)
 	r.f.params.cluster_faces = 0;
 	reduce_and_record(&r);
 	play(&r);
+	assert_true(isfinite(r.info.base_error));
 	write_level(&r, 0, r.level, NULL);
 	same_bytes(r.level, r.f.out);
 	write_level(&r, UINT64_MAX, r.level, finest);

@@ -15,9 +15,12 @@ static const char help[] =
     "      --vertices, --ratio, --error, --fast, --lock-boundary, --cost, --weight,\n"
     "      --placement, --attributes, --weight-of, --drop-invalid, --weld,\n"
     "      --drop-duplicates, --min-component, --memory, --threads, --temp-dir,\n"
-    "      --cluster-faces, --micro-faces, --final-faces, --report, -f, -q, -v:\n"
-    "                        as for reduce; the base is the mesh that it would leave\n\n"
-    "The mesh and its collapses have to fit the memory ceiling, some 100 bytes a face;\n"
+    "      --final-faces, --report, -f, -q, -v: as for reduce\n"
+    "      --cluster-faces N (0: all one), --micro-faces N (0: none)\n"
+    "                        all one gives the best levels; in clusters it is faster and\n"
+    "                        runs on all threads, but levels may be half as far off again.\n"
+    "                        The base is what reduce leaves with the same sizes\n\n"
+    "The mesh and its collapses have to fit the memory ceiling, some 200 bytes a face;\n"
     "else the run is refused with status 5 before it begins. Changes of topology, and\n"
     "what faces and their corners carry, cannot be recorded.\n";
 
@@ -27,6 +30,8 @@ int cmd_progressive(int argc, char **argv)
 {
 	reduce_options o = {.params = wh_reduce_defaults(), .share = BASE_PER_CENT / 100.0};
 	o.params.progressive = true;
+	/* on cuts collapses come late, behind dearer ones beside them: levels would be the worse */
+	o.params.cluster_faces = o.params.micro_faces = 0;
 	const int status = reduce_options_parse(argc, argv, false, &o);
 	if (status != WH_OK)
 		return status;

@@ -373,6 +373,19 @@ static wh_code try_shell(wh_engine *e, uint32_t v, uint32_t bucket, verdict *out
 
 /* ---- the loop, on ------------------------------------------------------------------------- */
 
+/* The accumulated distance where somebody asks for it. Of a collapse that leaves no face to be near
+ * to, which only a limit forbids, the edge's length counts. */
+static double distance(const wh_engine *e, const wh_trial *t)
+{
+	const bool limited = isfinite(e->params->max_err);
+	if (!limited && !e->params->track_err)
+		return 0;
+	const double err = wh_trial_distance(e, t);
+	if (limited || isfinite(err))
+		return err;
+	return fmax((double)e->p->err[t->u], (double)e->p->err[t->v]) + wh_norm(t->edge);
+}
+
 /* Performs the collapse of an edge of the fan when it is legal and within the limits. */
 static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
                         bool allow_overshoot, verdict *out)
@@ -384,8 +397,7 @@ static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
 		return e->surgery ? try_surgery(e, i, bucket, out) : WH_OK;
 	if (!wh_trial_sound(e, t) || (e->wedges && !wh_wedges_plan(e, hub, &w->fan, i, t)))
 		return WH_OK;
-	const bool tracked = isfinite(e->params->max_err) || e->params->track_err;
-	const double err = tracked ? wh_trial_distance(e, t) : 0;
+	const double err = distance(e, t);
 	if (!(err <= e->params->max_err))
 		return WH_OK;
 	if (e->params->most_faces && e->taken + t->nshared > e->params->most_faces) {
