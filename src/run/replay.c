@@ -172,7 +172,7 @@ static wh_code shorten(wh_ctx *c, const wh_progressive *p, carried *k)
 
 static wh_code carry(wh_ctx *c, const wh_progressive *p, wh_format to, carried *k)
 {
-	const wh_wanted held = {NULL, wh_mesh_holds(to) & ~(uint32_t)WH_HOLDS_FACES};
+	const wh_wanted held = {NULL, wh_mesh_holds(to) & (uint32_t)WH_HOLDS_ALL};
 	*k = (carried){0};
 	if (held.holds == WH_HOLDS_ALL || p->file.attributes.n == 0)
 		return WH_OK;
@@ -185,6 +185,7 @@ static wh_code write_mesh(wh_ctx *c, const wh_progressive *p, wh_outfile *o,
                           const wh_replay_output *out, wh_format to)
 {
 	carried k;
+	uint64_t vertices;
 	wh_progress silent = {.telling = ATOMIC_FLAG_INIT};
 	wh_code code = carry(c, p, to, &k);
 	const bool whole = to == WH_FORMAT_PLY;
@@ -201,7 +202,7 @@ static wh_code write_mesh(wh_ctx *c, const wh_progressive *p, wh_outfile *o,
 	                            .quantize = out->quantize,
 	                            .attributes = a->n ? a : NULL};
 	if (code == WH_OK)
-		code = wh_finish_write(c, &silent, o, style, &patch, 1);
+		code = wh_finish_write(c, &silent, o, style, &patch, 1, &vertices);
 	wh_free(c, k.records);
 	wh_attributes_free(c, &k.attributes);
 	return code;
