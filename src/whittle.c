@@ -79,8 +79,7 @@ static wh_code open_input(wh_run *r)
 {
 	wh_run_phase_begin(r);
 	return wh_run_phase_end(r, WH_PHASE_OPEN,
-	                        wh_run_is_begun(r) ? wh_run_reopen_input(r)
-	                                           : wh_run_open_input(r, false));
+	                        wh_run_is_begun(r) ? wh_run_reopen_input(r) : wh_run_open_input(r));
 }
 
 /* Reduces the mesh to the aim. */
@@ -205,6 +204,11 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 		return wh_fail(c, WH_E_USAGE, "a share of what there is cannot be above 1");
 	if (sensible_levels(c, p) != WH_OK)
 		return c->err.code;
+	if (p->run_dir && wh_ply_is_read_once(p->input))
+		return wh_fail(c, WH_E_USAGE,
+		               "a run directory, or several processes, need an input that can be "
+		               "read again: save %s to a file first",
+		               strcmp(p->input, "-") == 0 ? "standard input" : p->input);
 	if (p->resume && !p->run_dir)
 		return wh_fail(c, WH_E_USAGE, "--resume needs the --run-dir that is to be resumed");
 	if (wh_run_sensible_record(c, p) != WH_OK || wh_run_sensible_stage(c, p) != WH_OK)
@@ -285,8 +289,8 @@ static wh_code look_at_input(wh_run *r, wh_plan_report *report)
 	                  &r->input) != WH_OK)
 		return r->c->err.code;
 	r->input_open = true;
-	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
-	    WH_OK)
+	if (wh_attributes_weigh(r->c, r->input.ply.path, r->params->weights,
+	                        &r->input.attributes) != WH_OK)
 		return r->c->err.code;
 	report->rewritten = src->ffd != ply->fd;
 	report->input_bytes = r->input.file_bytes;

@@ -94,7 +94,7 @@ static void read_content(fixture *f, const char *path, content *o)
 	const wh_exec ex = {.workers = 1};
 	wh_ctx *c = &f->t.ctx;
 	assert_int_equal(wh_spill_open(c, &o->spill, f->root, NULL), WH_OK);
-	assert_int_equal(wh_input_open_with(c, &ex, &o->spill, path, WH_FORMAT_ANY, false,
+	assert_int_equal(wh_input_open_with(c, &ex, &o->spill, path, WH_FORMAT_ANY,
 	                                    (wh_wanted){NULL, WH_HOLDS_ALL}, &o->in),
 	                 WH_OK);
 	const wh_source *s = &o->in.source;

@@ -141,8 +141,7 @@ static void count_both_ways(uint32_t n, uint32_t side, size_t budget)
 	uint64_t few, all;
 	wh_progress progress = {.telling = ATOMIC_FLAG_INIT};
 	assert_int_equal(wh_spill_open(&t.ctx, &spill, "/tmp", NULL), WH_OK);
-	assert_int_equal(wh_input_open(&t.ctx, &ex, &spill, p.path, WH_FORMAT_ANY, false, &in),
-	                 WH_OK);
+	assert_int_equal(wh_input_open(&t.ctx, &ex, &spill, p.path, WH_FORMAT_ANY, &in), WH_OK);
 	assert_int_equal(wh_source_mesh(&t.ctx, &ex, &in.source, &m), WH_OK);
 	assert_int_equal(wh_coincident_count(&t.ctx, m.pos, m.nv, NULL, &all), WH_OK);
 	wh_mesh_free(&t.ctx, &m);

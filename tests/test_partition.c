@@ -148,7 +148,7 @@ static void open_fixture(fixture *f, const shape *s)
 	write_shape(f, s);
 	assert_int_equal(wh_spill_open(&f->t.ctx, &f->spill, "/tmp", NULL), WH_OK);
 	assert_int_equal(
-	    wh_input_open(&f->t.ctx, &ex, &f->spill, f->file.path, WH_FORMAT_ANY, false, &f->input),
+	    wh_input_open(&f->t.ctx, &ex, &f->spill, f->file.path, WH_FORMAT_ANY, &f->input),
 	    WH_OK);
 	f->cuts.fd = wh_spill_scratch(&f->t.ctx, &f->spill);
 }

@@ -99,8 +99,8 @@ static void check_file(char *field[FIELDS])
 	if (strcmp(field[FACES], "0") == 0 && !strstr(t.ctx.err.text, "nothing to reduce"))
 		fail_msg("%s: not 'nothing to reduce': %s", field[PATH], t.ctx.err.text);
 	if (code == WH_OK) {
-		assert_int_equal(
-		    wh_input_open(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, false, &in), WH_OK);
+		assert_int_equal(wh_input_open(&t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &in),
+		                 WH_OK);
 		check_counts(&in, &m, degenerate, field);
 		wh_input_close(&t.ctx, &spill, &in);
 		wh_mesh_free(&t.ctx, &m);

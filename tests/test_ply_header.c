@@ -128,7 +128,7 @@ static void what_is_not_a_file_is_refused(void **state)
 	(void)state;
 	static const struct {
 		const char *path, *word;
-	} bad[] = {{"/tmp", "directory"}, {"/nowhere.ply", "No such"}, {"/dev/null", "regular"}};
+	} bad[] = {{"/tmp", "directory"}, {"/nowhere.ply", "No such"}, {"/dev/null", "device"}};
 	for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
 		testing_env t;
 		wh_ply p;

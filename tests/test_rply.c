@@ -35,13 +35,16 @@ static wh_code read_values(wh_ctx *c, body *b)
 static wh_code load(wh_ctx *c, const char *path, bool rply, body *b)
 {
 	const wh_exec ex = {.workers = 2};
-	const wh_input_how how = {.rewrite = true,
-	                          .attributes = {NULL, WH_HOLDS_ALL},
-	                          .rply = rply,
-	                          .keep_invalid = true};
+	const wh_input_how how = {
+	    .attributes = {NULL, WH_HOLDS_ALL}, .rply = rply, .keep_invalid = true};
 	*b = (body){0};
 	assert_int_equal(wh_spill_open(c, &b->spill, "/tmp", NULL), WH_OK);
-	const wh_code code = wh_input_open_how(c, &ex, &b->spill, path, &how, &b->in);
+	wh_code code = wh_input_open_how(c, &ex, &b->spill, path, &how, &b->in);
+	if (code != WH_OK)
+		return code;
+	code = wh_input_rewrite(c, &ex, &b->spill, &b->in); /* as rply's is */
+	if (code != WH_OK)
+		wh_input_close(c, &b->spill, &b->in);
 	return code == WH_OK ? read_values(c, b) : code;
 }
 

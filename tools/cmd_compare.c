@@ -134,6 +134,8 @@ static int parse(int argc, char **argv, options *o, bool *done)
 	}
 	if (argc - optind != 2)
 		return cmd_usage_error(argv[0], "two files are needed, %d given", argc - optind);
+	if (strcmp(argv[optind], "-") == 0 && strcmp(argv[optind + 1], "-") == 0)
+		return cmd_usage_error(argv[0], "only one of the two can be standard input");
 	if (o->reference && !o->seams)
 		return cmd_usage_error(argv[0], "--reference needs --seams");
 	o->path[0] = argv[optind];

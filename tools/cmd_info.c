@@ -17,9 +17,9 @@
 
 static const char help[] =
     "usage: whittle info FILE [option ...]\n"
-    "Prints what a PLY, OBJ, OFF or STL file holds: format, elements, properties,\n"
-    "bytes, bounds. Nothing is loaded; bounds take one pass over the vertices. The\n"
-    "vertices of STL are corners, three a facet, not yet welded.\n\n"
+    "Prints what a PLY, OBJ, OFF or STL file (-: standard input) holds: format,\n"
+    "elements, properties, bytes, bounds. Nothing is loaded; bounds take one pass\n"
+    "over the vertices. Those of STL are corners, three a facet, not yet welded.\n\n"
     "      --json         as JSON\n"
     "      --bounds       bounds of a text file too, which has to be parsed for them\n"
     "      --no-bounds    the header alone\n"
@@ -216,17 +216,12 @@ static wh_code facet_bounds(cmd_env *e, const wh_ply *p, box *out)
 }
 
 /* Another format's text: by way of the temporary file that a reduction would make. */
-static wh_code rewritten_bounds(cmd_env *e, const options *o, wh_spill *spill, box *out)
+static wh_code rewritten_bounds(cmd_env *e, wh_input *in, wh_spill *spill, box *out)
 {
-	wh_input in;
 	if (!spill->dir && wh_spill_open(&e->ctx, spill, NULL, "/tmp") != WH_OK)
 		return e->ctx.err.code;
-	wh_code code = wh_input_open(&e->ctx, &e->exec, spill, o->path, o->from, false, &in);
-	if (code != WH_OK)
-		return code;
-	code = source_bounds(e, &in.source, out);
-	wh_input_close(&e->ctx, spill, &in);
-	return code;
+	const wh_code code = wh_input_rewrite(&e->ctx, &e->exec, spill, in);
+	return code == WH_OK ? source_bounds(e, &in->source, out) : code;
 }
 
 /* The next number of a text body. */
@@ -297,9 +292,12 @@ static wh_code read_text(wh_ctx *c, FILE *f, const wh_ply *p, box *out)
 
 static wh_code text_bounds(wh_ctx *c, const wh_ply *p, box *out)
 {
-	FILE *f = fopen(p->path, "rb");
+	const int fd = dup(p->fd);
+	FILE *f = fd >= 0 ? fdopen(fd, "rb") : NULL;
+	if (!f && fd >= 0)
+		(void)close(fd);
 	if (!f)
-		return wh_fail_errno(c, "cannot open '%s'", p->path);
+		return wh_fail_errno(c, "cannot open '%s' again", p->path);
 	wh_code code = WH_OK;
 	if (fseeko(f, (off_t)p->body, SEEK_SET) != 0)
 		code = wh_fail_errno(c, "cannot read '%s'", p->path);
@@ -310,8 +308,7 @@ static wh_code text_bounds(wh_ctx *c, const wh_ply *p, box *out)
 }
 
 /* Leaves the box empty when bounds are not asked for or not to be had cheaply. */
-static wh_code find_bounds(cmd_env *e, const options *o, const wh_input *in, wh_spill *spill,
-                           box *out)
+static wh_code find_bounds(cmd_env *e, const options *o, wh_input *in, wh_spill *spill, box *out)
 {
 	const wh_ply *p = &in->ply;
 	uint64_t base;
@@ -321,7 +318,7 @@ static wh_code find_bounds(cmd_env *e, const options *o, const wh_input *in, wh_
 		return WH_OK;
 	if (p->format == WH_PLY_ASCII)
 		return p->kind == WH_FORMAT_PLY ? text_bounds(&e->ctx, p, out)
-		                                : rewritten_bounds(e, o, spill, out);
+		                                : rewritten_bounds(e, in, spill, out);
 	if (p->kind == WH_FORMAT_STL)
 		return facet_bounds(e, p, out);
 	return find_vertices(p, &base) ? binary_bounds(e, p, base, out) : WH_OK;
@@ -477,7 +474,7 @@ static wh_code print_json(wh_ctx *c, const wh_ply *p, const box *b)
 }
 
 /* The header is printed also when the vertices turn out to be damaged. */
-static wh_code print_info(cmd_env *e, const options *o, const wh_input *in, wh_spill *spill)
+static wh_code print_info(cmd_env *e, const options *o, wh_input *in, wh_spill *spill)
 {
 	box b = empty_box;
 	wh_code code = find_bounds(e, o, in, spill, &b);

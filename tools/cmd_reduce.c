@@ -18,7 +18,7 @@
 static const char help[] =
     "usage: whittle reduce IN -o OUT --faces N | --vertices N | --ratio R | --error E\n"
     "Reduces a mesh within a memory ceiling; the first limit reached stops. IN: PLY,\n"
-    "OBJ, OFF or STL, as its content says.\n"
+    "OBJ, OFF or STL, as its content says; - is standard input.\n"
     "Vertex properties (colours, normals, ...) are carried from PLY to PLY, texture\n"
     "coordinates and materials from PLY or OBJ to PLY or OBJ; whatever is not is named.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
@@ -72,12 +72,17 @@ static const char help[] =
     "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
     "                        at once; above, it goes cluster by cluster\n";
 
+static bool is_input(const reduce_options *o, const char *name)
+{
+	return !cmd_is_dash(name) && cmd_same_file(name, o->params.input);
+}
+
 /* The report may replace an older one when asked to, but neither mesh. */
 static int check_report_name(const reduce_options *o)
 {
 	if (!o->report)
 		return WH_OK;
-	if (cmd_same_file(o->report, o->params.output) || cmd_same_file(o->report, o->params.input))
+	if (cmd_same_file(o->report, o->params.output) || is_input(o, o->report))
 		return cmd_usage_error("reduce", "--report '%s' is the input or the output",
 		                       o->report);
 	struct stat st;
@@ -93,7 +98,7 @@ static int check_seams_name(const reduce_options *o)
 	const char *seams = o->params.seams;
 	if (!seams)
 		return WH_OK;
-	if (cmd_same_file(seams, o->params.output) || cmd_same_file(seams, o->params.input) ||
+	if (cmd_same_file(seams, o->params.output) || is_input(o, seams) ||
 	    (o->report && cmd_same_file(seams, o->report)))
 		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
 		                       seams);

@@ -31,6 +31,9 @@ int reduce_measure_check(const reduce_options *o)
 	const wh_reduce_params *p = &o->params;
 	if (!o->measure)
 		return WH_OK;
+	if (wh_ply_is_read_once(p->input))
+		return cmd_usage_error("reduce", "--measure needs an input that can be read again: "
+		                                 "save it to a file first");
 	for (size_t i = 0; i <= p->levels; i++)
 		if (cmd_is_dash(result_of(p, i)) || cmd_same_file(p->input, result_of(p, i)))
 			return cmd_usage_error("reduce", "--measure needs an output that is a "

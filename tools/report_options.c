@@ -1,6 +1,7 @@
 #include "report_options.h"
 
 #include "cmd.h"
+#include "io/ply.h"
 #include "render_options.h"
 
 #include <getopt.h>
@@ -117,6 +118,12 @@ static int complete(const report_options *o, const char *name)
 		                             "what became of it");
 	if (!o->output)
 		return cmd_usage_error(name, "-o PAGE.html is missing");
+	for (int i = 0; i < o->npaths; i++)
+		if (wh_ply_is_read_once(o->paths[i]))
+			return cmd_usage_error(name,
+			                       "'%s' can be read only once, and a page takes more: "
+			                       "save it to a file first",
+			                       o->paths[i]);
 	if (o->npaths > REPORT_FILES)
 		return cmd_usage_error(name, "a page holds no more than %d levels",
 		                       REPORT_FILES - 1);

@@ -58,7 +58,8 @@ typedef enum wh_ply_format { WH_PLY_ASCII, WH_PLY_LE, WH_PLY_BE } wh_ply_format;
 typedef struct wh_ply {
 	char *path;
 	int fd;                  /* open for reading; owned */
-	uint64_t size;           /* bytes of the file */
+	bool is_stream;          /* its bytes come once, and nobody knows how many */
+	uint64_t size;           /* bytes of the file; 0 for a stream */
 	struct timespec changed; /* time of its last change when it was opened */
 	uint64_t body;           /* byte offset of the first body byte */
 	wh_ply_format format;
@@ -87,21 +88,25 @@ typedef struct wh_ply {
 } wh_ply;
 
 /*
- * Opens `path` and parses the header. WH_E_INPUT for a file that is missing, unreadable or not
- * regular, a damaged header, or counts that the file's size cannot hold; WH_E_RUN when reading
- * fails. The message names the file and the header line. On failure *p is empty. Close with
- * wh_ply_close.
+ * Opens `path`, or standard input for "-", and parses the header. WH_E_INPUT for a file that is
+ * missing, unreadable or not regular, a damaged header, or counts that the file's size cannot hold;
+ * WH_E_RUN when reading fails. The message names the file and the header line. On failure *p is
+ * empty. Close with wh_ply_close.
  */
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path);
 void wh_ply_close(wh_ctx *c, wh_ply *p);
 
 /*
  * The two steps of wh_ply_open, for files that may turn out to be of another format: opens the
- * file, then parses the header of what is open (p->fd, p->size). After a failure of either, *p is
- * empty.
+ * file, which may be a stream here, then parses the header of what is open (p->fd, p->size), which
+ * may not. After a failure of either, *p is empty.
  */
 wh_code wh_ply_attach(wh_ctx *c, wh_ply *p, const char *path);
 wh_code wh_ply_read_header(wh_ctx *c, wh_ply *p);
+
+/* Is this standard input, or a pipe or socket by name: something that is not there a second time?
+ */
+bool wh_ply_is_read_once(const char *path);
 
 /*
  * Describes an open file of another format: adds an element; adds a property to the last one, a

@@ -399,22 +399,43 @@ static wh_code check_counts(wh_ctx *c, const wh_ply *p)
 
 /* --- open and close --- */
 
-static wh_code open_file(wh_ctx *c, wh_ply *p)
+static bool is_standard_input(const char *path)
+{
+	return strcmp(path, "-") == 0;
+}
+
+/* What has a beginning that can be gone back to is no stream; standard input may have been read
+ * from by somebody before. */
+static bool comes_once(int fd, mode_t mode)
+{
+	return S_ISFIFO(mode) || S_ISSOCK(mode) || (S_ISREG(mode) && lseek(fd, 0, SEEK_CUR) > 0);
+}
+
+bool wh_ply_is_read_once(const char *path)
 {
 	struct stat st;
-	p->fd = open(p->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe must not block here */
+	return is_standard_input(path) ||
+	       (stat(path, &st) == 0 && (S_ISFIFO(st.st_mode) || S_ISSOCK(st.st_mode)));
+}
+
+static wh_code open_file(wh_ctx *c, wh_ply *p, const char *path)
+{
+	struct stat st;
+	p->fd = is_standard_input(path)
+	            ? fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
+	            : open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe must not block */
 	if (p->fd < 0)
 		return wh_fail(c, WH_E_INPUT, "cannot open '%s': %s", p->path, strerror(errno));
 	if (fstat(p->fd, &st) != 0)
 		return wh_fail_errno(c, "cannot examine '%s'", p->path);
 	if (S_ISDIR(st.st_mode))
 		return wh_fail(c, WH_E_INPUT, "'%s' is a directory", p->path);
-	if (!S_ISREG(st.st_mode))
+	p->is_stream = comes_once(p->fd, st.st_mode);
+	if (!S_ISREG(st.st_mode) && !p->is_stream)
 		return wh_fail(c, WH_E_INPUT,
-		               "'%s' is not a regular file; the input is read more than once, so "
-		               "save it to a file first",
+		               "'%s' is a device; give a file, or a pipe (- is standard input)",
 		               p->path);
-	p->size = (uint64_t)st.st_size;
+	p->size = p->is_stream ? 0 : (uint64_t)st.st_size;
 	p->changed = st.st_mtim;
 	return WH_OK;
 }
@@ -437,8 +458,8 @@ wh_code wh_ply_attach(wh_ctx *c, wh_ply *p, const char *path)
 	*p = (wh_ply){.fd = -1, .vertex = -1, .face = -1, .strips = -1};
 	p->x = p->y = p->z = p->corners = p->strip_list = -1;
 	p->kind = WH_FORMAT_PLY;
-	p->path = wh_strdup(c, path);
-	const wh_code code = p->path ? open_file(c, p) : wh_failed(c);
+	p->path = wh_strdup(c, is_standard_input(path) ? "standard input" : path);
+	const wh_code code = p->path ? open_file(c, p, path) : wh_failed(c);
 	if (code != WH_OK)
 		wh_ply_close(c, p);
 	return code;
@@ -460,7 +481,16 @@ wh_code wh_ply_read_header(wh_ctx *c, wh_ply *p)
 
 wh_code wh_ply_open(wh_ctx *c, wh_ply *p, const char *path)
 {
-	return wh_ply_attach(c, p, path) == WH_OK ? wh_ply_read_header(c, p) : wh_failed(c);
+	if (wh_ply_attach(c, p, path) != WH_OK)
+		return wh_failed(c);
+	if (!p->is_stream)
+		return wh_ply_read_header(c, p);
+	(void)wh_fail(c, WH_E_INPUT,
+	              "'%s' is not a regular file, and has to be read more than once; save it to "
+	              "a file first",
+	              p->path);
+	wh_ply_close(c, p);
+	return c->err.code;
 }
 
 /* --- other formats --- */

@@ -1,14 +1,13 @@
 /*
- * One loop for both libraries: a step takes what it can from the input and puts what it can into
- * the output. Their memory is counted as all memory is.
+ * One loop for both libraries and for bytes that are not packed: a step takes what it can from the
+ * input and puts what it can into the output. Their memory is counted as all memory is.
  */
 #define _GNU_SOURCE
 #include "io/unpack.h"
 
-#include "io/ply.h"
-
 #include <errno.h>
 #include <inttypes.h>
+#include <poll.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -20,7 +19,10 @@
 #include <zstd.h>
 #endif
 
-enum { BUFFER = 1 << 20 };
+enum {
+	BUFFER = 1 << 20,
+	WAIT_MS = 100 /* for a pipe, until the next look whether to go on waiting */
+};
 
 typedef struct unpacker unpacker;
 
@@ -33,7 +35,7 @@ typedef struct methods {
 
 struct unpacker {
 	wh_ctx *c;
-	const char *path;
+	const wh_ply *from;
 	wh_packing packing;
 	void *stream; /* the library's */
 	unsigned char *in, *out;
@@ -68,7 +70,8 @@ static wh_code damaged(unpacker *u, const char *why)
 	return wh_fail(u->c, WH_E_INPUT,
 	               "'%s' is a damaged %s file near its byte %" PRIu64
 	               " (%s); get it again, or unpack what can be saved by hand",
-	               u->path, wh_packing_name(u->packing), u->read - (u->in_n - u->in_at), why);
+	               u->from->path, wh_packing_name(u->packing), u->read - (u->in_n - u->in_at),
+	               why);
 }
 #endif
 
@@ -190,8 +193,33 @@ static void zstd_close(unpacker *u)
 }
 #endif
 
+/* --- bytes that are not packed --- */
+
+static wh_code plain_open(unpacker *u)
+{
+	(void)u;
+	return WH_OK;
+}
+
+static wh_code plain_step(unpacker *u)
+{
+	const size_t left = u->in_n - u->in_at, room = BUFFER - u->out_n;
+	const size_t n = left < room ? left : room;
+	memcpy(u->out + u->out_n, u->in + u->in_at, n);
+	u->in_at += n;
+	u->out_n += n;
+	return WH_OK;
+}
+
+static void plain_close(unpacker *u)
+{
+	(void)u;
+}
+
+/* NULL: this build has not got the library. */
 static const methods *methods_of(wh_packing p)
 {
+	static const methods plain = {plain_open, plain_step, plain_close};
 #ifdef WH_HAVE_ZLIB
 	static const methods gzip = {gzip_open, gzip_step, gzip_close};
 	if (p == WH_PACKING_GZIP)
@@ -202,29 +230,56 @@ static const methods *methods_of(wh_packing p)
 	if (p == WH_PACKING_ZSTD)
 		return &zstd;
 #endif
-	(void)p;
-	return NULL;
+	return p == WH_PACKING_NONE ? &plain : NULL;
 }
 
 /* --- the loop --- */
 
-static wh_code fill(unpacker *u, int fd)
+/* Some bytes of a stream, as they come. Before anybody writes to a pipe there is no end, either. */
+static ssize_t read_stream(wh_ctx *c, int fd, void *to, size_t most)
+{
+	struct pollfd p = {.fd = fd, .events = POLLIN};
+	for (;;) {
+		if (wh_poll(c) != WH_OK)
+			return -1;
+		if (poll(&p, 1, WAIT_MS) <= 0)
+			continue;
+		const ssize_t n = read(fd, to, most);
+		if (n >= 0 || (errno != EINTR && errno != EAGAIN))
+			return n;
+	}
+}
+
+static ssize_t read_file(int fd, void *to, size_t most, uint64_t at)
+{
+	ssize_t n;
+	do
+		n = pread(fd, to, most, (off_t)at);
+	while (n < 0 && errno == EINTR);
+	return n;
+}
+
+/* Fills the buffer, or as much of it as there is left. */
+static wh_code fill(unpacker *u)
 {
 	if (u->in_at < u->in_n || u->at_end)
 		return WH_OK;
-	if (wh_poll(u->c) != WH_OK)
-		return u->c->err.code;
-	ssize_t n;
-	do
-		n = pread(fd, u->in, BUFFER, (off_t)u->read);
-	while (n < 0 && errno == EINTR);
-	if (n < 0)
-		return wh_fail_errno(u->c, "cannot read '%s' at byte %" PRIu64, u->path, u->read);
-	u->in_at = 0;
-	u->in_n = (size_t)n;
-	u->read += (uint64_t)n;
-	u->at_end = n == 0;
-	return WH_OK;
+	u->in_at = u->in_n = 0;
+	while (u->in_n < BUFFER && !u->at_end) {
+		unsigned char *to = u->in + u->in_n;
+		const size_t room = BUFFER - u->in_n;
+		const ssize_t n = u->from->is_stream ? read_stream(u->c, u->from->fd, to, room)
+		                                     : read_file(u->from->fd, to, room, u->read);
+		if (n < 0)
+			return u->c->err.code != WH_OK
+			           ? u->c->err.code
+			           : wh_fail_errno(u->c, "cannot read '%s' at byte %" PRIu64,
+			                           u->from->path, u->read);
+		u->in_n += (size_t)n;
+		u->read += (uint64_t)n;
+		u->at_end = n == 0;
+	}
+	return wh_poll(u->c);
 }
 
 static wh_code drain(unpacker *u, wh_spill *spill, int to, uint64_t *size)
@@ -236,10 +291,10 @@ static wh_code drain(unpacker *u, wh_spill *spill, int to, uint64_t *size)
 	return wh_poll(u->c);
 }
 
-static wh_code run(unpacker *u, const methods *m, int fd, wh_spill *spill, int to, uint64_t *size)
+static wh_code run(unpacker *u, const methods *m, wh_spill *spill, int to, uint64_t *size)
 {
 	for (;;) {
-		if (fill(u, fd) != WH_OK)
+		if (fill(u) != WH_OK)
 			return u->c->err.code;
 		const size_t in_at = u->in_at, out_n = u->out_n;
 		if (m->step(u) != WH_OK)
@@ -253,41 +308,44 @@ static wh_code run(unpacker *u, const methods *m, int fd, wh_spill *spill, int t
 		return wh_fail(u->c, WH_E_INPUT,
 		               "'%s' is cut short: its %s stream goes on behind its %" PRIu64
 		               " bytes",
-		               u->path, wh_packing_name(u->packing), u->read);
+		               u->from->path, wh_packing_name(u->packing), u->read);
 	return drain(u, spill, to, size);
 }
 
-static wh_code unpack_to(wh_ctx *c, unpacker *u, const methods *m, int fd, wh_spill *spill, int to,
-                         uint64_t *size)
+static wh_code unpack_to(unpacker *u, wh_spill *spill, int to, uint64_t *size)
 {
-	u->in = wh_alloc(c, BUFFER, 1);
-	u->out = wh_alloc(c, BUFFER, 1);
-	wh_code code = u->in && u->out ? m->open(u) : wh_failed(c);
+	const methods *m = methods_of(u->packing);
+	if (!m)
+		return wh_fail(
+		    u->c, WH_E_INPUT,
+		    "'%s' is a %s file, which this build of whittle cannot read; unpack it "
+		    "first",
+		    u->from->path, wh_packing_name(u->packing));
+	wh_code code = m->open(u);
 	if (code == WH_OK)
-		code = run(u, m, fd, spill, to, size);
+		code = run(u, m, spill, to, size);
 	m->close(u);
-	wh_free(c, u->in);
-	wh_free(c, u->out);
 	return code;
 }
 
-int wh_unpack(wh_ctx *c, wh_spill *spill, const char *path, int fd, wh_packing p, uint64_t *size)
+int wh_unpack(wh_ctx *c, wh_spill *spill, const wh_ply *from, uint64_t *taken, uint64_t *size)
 {
-	unpacker u = {.c = c, .path = path, .packing = p};
-	const methods *m = methods_of(p);
+	unpacker u = {.c = c, .from = from};
 	*size = 0;
-	if (!m) {
-		(void)wh_fail(
-		    c, WH_E_INPUT,
-		    "'%s' is a %s file, which this build of whittle cannot read; unpack it "
-		    "first",
-		    path, wh_packing_name(p));
-		return -1;
+	u.in = wh_alloc(c, BUFFER, 1);
+	u.out = wh_alloc(c, BUFFER, 1);
+	const int to = u.in && u.out ? wh_spill_scratch(c, spill) : -1;
+	wh_code code = to >= 0 ? fill(&u) : wh_failed(c);
+	if (code == WH_OK) {
+		u.packing = wh_packing_of_bytes((const char *)u.in, u.in_n);
+		code = unpack_to(&u, spill, to, size);
 	}
-	const int to = wh_spill_scratch(c, spill);
-	if (to >= 0 && unpack_to(c, &u, m, fd, spill, to, size) != WH_OK) {
+	*taken = u.read;
+	wh_free(c, u.in);
+	wh_free(c, u.out);
+	if (code == WH_OK)
+		return to;
+	if (to >= 0)
 		wh_spill_close_scratch(spill, to);
-		return -1;
-	}
-	return to;
+	return -1;
 }

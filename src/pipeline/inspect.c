@@ -302,15 +302,11 @@ static void add_cleaned(inspection *n, uint64_t degenerate)
 	            k->collapsed_faces;
 }
 
-static wh_code open_input(inspection *n, bool rewrite)
+static wh_code open_input(inspection *n)
 {
-	if (n->input_open)
-		wh_input_close(n->c, &n->spill, &n->input);
-	n->input_open = false;
 	wh_progress_phase(&n->progress, "open", 1);
 	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
 	const wh_input_how how = {.from = n->params->from,
-	                          .rewrite = rewrite,
 	                          .attributes = {"none", 0},
 	                          .rply = n->params->rply,
 	                          .keep_invalid = true};
@@ -320,12 +316,16 @@ static wh_code open_input(inspection *n, bool rewrite)
 	return WH_OK;
 }
 
-static wh_code check_once(inspection *n, bool rewrite)
+static wh_code rewrite_input(inspection *n)
+{
+	const wh_exec ex = fit_workers(n, budget(n), REWRITE_BYTES);
+	return wh_input_rewrite(n->c, &ex, &n->spill, &n->input);
+}
+
+static wh_code check_input(inspection *n)
 {
 	uint64_t degenerate = 0;
-	wh_code code = open_input(n, rewrite);
-	if (code == WH_OK)
-		code = clean_input(n);
+	wh_code code = clean_input(n);
 	if (code == WH_OK && n->input.source.nf > 0)
 		code = fits_memory(n) ? check_in_memory(n, &degenerate)
 		                      : check_in_clusters(n, &degenerate);
@@ -355,9 +355,14 @@ wh_code wh_inspect_file(wh_ctx *c, const wh_exec *ex, const wh_inspect_params *p
 	c->mem->limit = n.memory > OPEN_BYTES ? n.memory - BASE_BYTES / 2 : OPEN_BYTES;
 	wh_code code = wh_spill_open(c, &n.spill, p->temp_dir, "/tmp");
 	if (code == WH_OK)
-		code = check_once(&n, false);
-	if (code == WH_E_IRREGULAR) /* faces that are not triangles behind a triangle's size */
-		code = check_once(&n, true);
+		code = open_input(&n);
+	if (code == WH_OK)
+		code = check_input(&n);
+	if (code == WH_E_IRREGULAR) { /* faces that are not triangles behind a triangle's size */
+		code = rewrite_input(&n);
+		if (code == WH_OK)
+			code = check_input(&n);
+	}
 	if (is_double)
 		*is_double = n.input.source.is_double;
 	if (n.input_open)

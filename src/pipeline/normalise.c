@@ -139,11 +139,15 @@ static wh_code rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *
 	return code;
 }
 
-static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, bool force_rewrite,
-                           wh_input *in)
+wh_code wh_input_rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
+{
+	return in->temp_fd < 0 ? rewrite(c, ex, spill, in, true) : WH_OK;
+}
+
+static wh_code make_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in)
 {
 	wh_code code = WH_E_IRREGULAR;
-	if (!force_rewrite && in->ply.kind != WH_FORMAT_STL && !wh_wedges_of_file(&in->wedges) &&
+	if (!in->rply && in->ply.kind != WH_FORMAT_STL && !wh_wedges_of_file(&in->wedges) &&
 	    wh_ply_direct(&in->ply, &in->source))
 		code = probe(c, &in->source);
 	in->apart = in->wedges.of_vertices;
@@ -162,24 +166,13 @@ static wh_code unknown(wh_ctx *c, const wh_ply *p)
 	               p->path);
 }
 
-/* Decompresses the file; from then on, what came out is the file. */
-static wh_code unpack(wh_ctx *c, wh_spill *spill, wh_input *in, wh_packing packing)
+/* What came out is the file from then on. */
+static wh_code take_over(wh_ctx *c, wh_input *in, int fd, uint64_t size)
 {
 	wh_ply *p = &in->ply;
 	struct stat st;
-	uint64_t size;
-	if (!spill->dir && wh_spill_open(c, spill, NULL, "/tmp") != WH_OK)
-		return c->err.code;
-	const int fd = wh_unpack(c, spill, p->path, p->fd, packing, &size);
-	if (fd < 0)
-		return wh_failed(c);
-	wh_code code = wh_ply_unchanged(c, p);
-	if (code == WH_OK && fstat(fd, &st) != 0)
-		code = wh_fail_errno(c, "cannot examine the temporary file of '%s'", p->path);
-	if (code != WH_OK) {
-		wh_spill_close_scratch(spill, fd);
-		return code;
-	}
+	if (fstat(fd, &st) != 0)
+		return wh_fail_errno(c, "cannot examine the temporary file of '%s'", p->path);
 	(void)close(p->fd);
 	p->fd = fd;
 	p->size = size;
@@ -188,16 +181,35 @@ static wh_code unpack(wh_ctx *c, wh_spill *spill, wh_input *in, wh_packing packi
 	return WH_OK;
 }
 
-static wh_code unpack_if_packed(wh_ctx *c, wh_spill *spill, wh_input *in)
+/* Takes in a stream, or decompresses a file. */
+static wh_code unpack(wh_ctx *c, wh_spill *spill, wh_input *in)
+{
+	wh_ply *p = &in->ply;
+	uint64_t size;
+	if (!spill->dir && wh_spill_open(c, spill, NULL, "/tmp") != WH_OK)
+		return c->err.code;
+	const int fd = wh_unpack(c, spill, p, &in->file_bytes, &size);
+	if (fd < 0)
+		return wh_failed(c);
+	wh_code code = p->is_stream ? WH_OK : wh_ply_unchanged(c, p);
+	if (code == WH_OK)
+		code = take_over(c, in, fd, size);
+	if (code != WH_OK)
+		wh_spill_close_scratch(spill, fd);
+	return code;
+}
+
+static wh_code unpack_if_due(wh_ctx *c, wh_spill *spill, wh_input *in)
 {
 	char head[4];
 	const wh_ply *p = &in->ply;
 	const size_t n = p->size < sizeof head ? (size_t)p->size : sizeof head;
 	in->file_bytes = p->size;
+	if (p->is_stream)
+		return unpack(c, spill, in);
 	if (wh_ply_pread(c, p->path, p->fd, head, n, 0) != WH_OK)
 		return c->err.code;
-	const wh_packing packing = wh_packing_of_bytes(head, n);
-	return packing == WH_PACKING_NONE ? WH_OK : unpack(c, spill, in, packing);
+	return wh_packing_of_bytes(head, n) == WH_PACKING_NONE ? WH_OK : unpack(c, spill, in);
 }
 
 /* The beginning of the file tells; where it does not, the name does. */
@@ -239,7 +251,7 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	wh_code code = wh_ply_attach(c, &in->ply, path);
 	if (code != WH_OK)
 		return code;
-	code = unpack_if_packed(c, spill, in);
+	code = unpack_if_due(c, spill, in);
 	if (code == WH_OK)
 		code = find_kind(c, &in->ply, from);
 	if (code == WH_OK)
@@ -250,10 +262,9 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 }
 
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, bool force_rewrite, wh_input *in)
+                      wh_format from, wh_input *in)
 {
-	return wh_input_open_with(c, ex, spill, path, from, force_rewrite, (wh_wanted){"none", 0},
-	                          in);
+	return wh_input_open_with(c, ex, spill, path, from, (wh_wanted){"none", 0}, in);
 }
 
 /* Vertices' attributes, and which of them go to the corners. */
@@ -328,16 +339,16 @@ wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	if (code == WH_OK)
 		code = choose(c, how->attributes, in);
 	if (code == WH_OK)
-		code = make_source(c, ex, spill, how->rewrite || how->rply, in);
+		code = make_source(c, ex, spill, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
 }
 
 wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, wh_wanted attributes, wh_input *in)
+                           wh_format from, wh_wanted attributes, wh_input *in)
 {
-	const wh_input_how how = {.from = from, .rewrite = force_rewrite, .attributes = attributes};
+	const wh_input_how how = {.from = from, .attributes = attributes};
 	return wh_input_open_how(c, ex, spill, path, &how, in);
 }
 
@@ -375,7 +386,7 @@ static wh_code open_points(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_inp
 }
 
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                          wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in)
+                          wh_format from, wh_wanted wanted, wh_input *in)
 {
 	wh_code code = wh_input_describe(c, ex, spill, path, from, in);
 	if (code != WH_OK)
@@ -388,8 +399,7 @@ wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 	if (code == WH_OK)
 		code = choose(c, wanted, in);
 	if (code == WH_OK)
-		code = faces ? make_source(c, ex, spill, force_rewrite, in)
-		             : open_points(c, ex, spill, in);
+		code = faces ? make_source(c, ex, spill, in) : open_points(c, ex, spill, in);
 	if (code != WH_OK)
 		wh_input_close(c, spill, in);
 	return code;
@@ -640,16 +650,24 @@ wh_code wh_source_mesh(wh_ctx *c, const wh_exec *ex, const wh_source *s, wh_mesh
 
 /* --- files --- */
 
-/* One try. WH_E_IRREGULAR, with nothing recorded: force a rewrite. */
-static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                         wh_format from, bool force_rewrite, wh_mesh *m, bool *is_double,
-                         uint64_t *degenerate)
+static wh_code load_source(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in, wh_mesh *m)
+{
+	wh_code code = wh_source_mesh(c, ex, &in->source, m);
+	if (code != WH_E_IRREGULAR)
+		return code;
+	code = wh_input_rewrite(c, ex, spill, in);
+	return code == WH_OK ? wh_source_mesh(c, ex, &in->source, m) : code;
+}
+
+wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
+                     wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate)
 {
 	wh_input in;
-	wh_code code = wh_input_open(c, ex, spill, path, from, force_rewrite, &in);
+	*m = (wh_mesh){0};
+	wh_code code = wh_input_open(c, ex, spill, path, from, &in);
 	if (code != WH_OK)
 		return code;
-	code = wh_source_mesh(c, ex, &in.source, m);
+	code = load_source(c, ex, spill, &in, m);
 	if (code == WH_OK && is_double)
 		*is_double = in.source.is_double;
 	if (code == WH_OK && degenerate)
@@ -660,14 +678,4 @@ static wh_code load_file(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const ch
 		wh_mesh_free(c, m);
 	wh_input_close(c, spill, &in);
 	return code;
-}
-
-wh_code wh_load_mesh(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                     wh_format from, wh_mesh *m, bool *is_double, uint64_t *degenerate)
-{
-	*m = (wh_mesh){0};
-	const wh_code code = load_file(c, ex, spill, path, from, false, m, is_double, degenerate);
-	if (code != WH_E_IRREGULAR)
-		return code;
-	return load_file(c, ex, spill, path, from, true, m, is_double, degenerate);
 }

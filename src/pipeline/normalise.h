@@ -22,7 +22,8 @@ typedef struct wh_input {
 	wh_obj obj;          /* of an OBJ file */
 	wh_stl stl;          /* of an STL file */
 	uint64_t file_bytes; /* of the user's file, packed or not */
-	bool unpacked;       /* ply is open on a temporary file, of what was compressed */
+	bool unpacked;       /* ply is open on a temporary file, of what was compressed or came
+	                        through a pipe */
 	wh_source source;    /* refers to ply or to the temporary file below, and to attributes */
 	wh_attributes attributes; /* besides positions; none when they were not asked for */
 	wh_wedges wedges;         /* the same of faces and corners */
@@ -41,17 +42,17 @@ typedef struct wh_input {
 /* How a file is to be opened. */
 typedef struct wh_input_how {
 	wh_format from;       /* its format; WH_FORMAT_ANY: what it looks like */
-	bool rewrite;         /* do not use the body in place (see below) */
 	wh_wanted attributes; /* vertex properties to read, as wh_attributes_choose says */
 	bool rply;            /* let rply read it: PLY only, and where the build has it */
 	bool keep_invalid;    /* vertices that are not finite are no failure (io/ply.h) */
 } wh_input_how;
 
 /*
- * Opens the file, unpacks it where it is compressed, and describes it in in->ply, whatever is in
- * it; there is no source yet. `from`: its format, WH_FORMAT_ANY to find that out from the content,
- * or else the name. OBJ and text of STL are gone through to be counted. `spill` is opened where a
- * compressed file needs it, if it is not open yet. WH_E_INPUT for a damaged header, or no format
+ * Opens the file, or standard input for "-", unpacks it where it is compressed, takes it into a
+ * temporary file where it comes through a pipe, and describes it in in->ply, whatever is in it;
+ * there is no source yet. `from`: its format, WH_FORMAT_ANY to find that out from the content,
+ * or else the name. OBJ and text of STL are gone through to be counted. `spill` is opened where
+ * it is needed, if it is not open yet. WH_E_INPUT for a damaged header, or no format
  * that is known.
  */
 wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
@@ -59,18 +60,23 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
 /*
  * Opens the file and makes its source. `spill` is where a rewritten body goes. Files without a
  * vertex element, without faces or with zero faces are WH_E_INPUT ("nothing to reduce").
- * force_rewrite: do not use the body in place (the fast path met a corner count other than 3).
  * A rewritten body leaves out degenerate triangles and counts them; one used in place may hold
  * triangles with repeated corners, which readers drop themselves.
  */
 wh_code wh_input_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                      wh_format from, bool force_rewrite, wh_input *in);
+                      wh_format from, wh_input *in);
 /* The same with all that can be said about it, such as what vertices and faces carry besides
  * positions. *in must stay where it is. */
 wh_code wh_input_open_how(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
                           const wh_input_how *how, wh_input *in);
 wh_code wh_input_open_with(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                           wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
+                           wh_format from, wh_wanted wanted, wh_input *in);
+/*
+ * A body that is used in place turned out to have faces that are no triangles (WH_E_IRREGULAR): it
+ * is rewritten after all, from the file as it is open. Does nothing for one that was. After a
+ * failure *in is still to be closed.
+ */
+wh_code wh_input_rewrite(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_input *in);
 /*
  * The same, but a body that would have to be rewritten is not: the source then has the counts of
  * the header, the layout that a rewritten one would have, and no file (vfd and ffd -1).
@@ -80,7 +86,7 @@ wh_code wh_input_look(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char 
 /* The same as wh_input_open_with, but a file need not have faces: without, the source is its
  * vertices. */
 wh_code wh_input_open_any(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const char *path,
-                          wh_format from, bool force_rewrite, wh_wanted wanted, wh_input *in);
+                          wh_format from, wh_wanted wanted, wh_input *in);
 void wh_input_close(wh_ctx *c, wh_spill *spill, wh_input *in);
 
 /* What the source will be, as far as counts tell, where it is apart (pipeline/atlas.h). Else it is

@@ -60,16 +60,15 @@ static wh_code load_skins(wh_draw *d, wh_draw_file *f)
 
 enum { TEXTURED = WH_HOLDS_FACES | WH_HOLDS_CORNERS };
 
-/* Texture coordinates of vertices become those of corners. */
-static wh_code join_charts(wh_draw *d, const wh_exec *ex, wh_input *in)
+static wh_code join_once(wh_draw *d, const wh_exec *ex, wh_input *in)
 {
 	const wh_atlas_params p = {
 	    .rest = &in->attributes, .wedges = &in->wedges, .budget = wh_draw_budget(d)};
-	const wh_source source = in->source;
 	wh_source joined;
 	wh_atlas_result done;
 	int fd;
 	d->c->mem->limit = d->memory > BASE_BYTES / 2 ? d->memory - BASE_BYTES / 2 : 1;
+	const wh_source source = in->source;
 	const wh_code code =
 	    wh_atlas_join(d->c, ex, &d->progress, &d->spill, &source, &p, &joined, &fd, &done);
 	if (code == WH_OK)
@@ -77,19 +76,34 @@ static wh_code join_charts(wh_draw *d, const wh_exec *ex, wh_input *in)
 	return code;
 }
 
+/* Texture coordinates of vertices become those of corners. */
+static wh_code join_charts(wh_draw *d, const wh_exec *ex, wh_input *in)
+{
+	wh_code code = join_once(d, ex, in);
+	if (code != WH_E_IRREGULAR)
+		return code;
+	code = wh_input_rewrite(d->c, ex, &d->spill, in);
+	return code == WH_OK ? join_once(d, ex, in) : code;
+}
+
+/* As many workers as there is memory for when bodies are rewritten. */
+static wh_exec rewriters(const wh_draw *d)
+{
+	const size_t fit = wh_draw_budget(d) / REWRITE_BYTES;
+	wh_exec ex = *d->ex;
+	if ((size_t)ex.workers > fit)
+		ex.workers = fit ? (int)fit : 1;
+	return ex;
+}
+
 static wh_code open_file(wh_draw *d, int i)
 {
 	wh_ctx *c = d->c;
 	wh_draw_file *f = &d->file[i];
-	const char *path = d->p->paths[i];
-	wh_exec ex = *d->ex;
-	if ((size_t)ex.workers > wh_draw_budget(d) / REWRITE_BYTES)
-		ex.workers = wh_draw_budget(d) < REWRITE_BYTES
-		                 ? 1
-		                 : (int)(wh_draw_budget(d) / REWRITE_BYTES);
+	const wh_exec ex = rewriters(d);
 	const wh_wanted wanted = {"all", (d->p->colours ? WH_HOLDS_COLOUR : 0U) |
 	                                     (d->p->texture ? TEXTURED : 0U)};
-	if (wh_input_open_any(c, &ex, &d->spill, path, WH_FORMAT_ANY, f->rewrite, wanted,
+	if (wh_input_open_any(c, &ex, &d->spill, d->p->paths[i], WH_FORMAT_ANY, wanted,
 	                      &f->input) != WH_OK)
 		return c->err.code;
 	f->open = true;
@@ -98,8 +112,6 @@ static wh_code open_file(wh_draw *d, int i)
 		if (code != WH_OK)
 			return code;
 	}
-	d->r->faces += f->input.source.nf;
-	d->r->vertices += f->input.source.nv;
 	if (d->p->colours && check_colours(c, &f->input) != WH_OK)
 		return c->err.code;
 	return d->p->texture ? load_skins(d, f) : WH_OK;
@@ -109,7 +121,7 @@ static wh_code open_file(wh_draw *d, int i)
 static wh_code try_other(wh_draw *d)
 {
 	wh_input in;
-	if (!d->p->distance_to)
+	if (!d->p->distance_to || wh_ply_is_read_once(d->p->distance_to))
 		return WH_OK;
 	if (wh_input_look(d->c, d->ex, &d->spill, d->p->distance_to, WH_FORMAT_ANY,
 	                  (wh_wanted){"none", 0}, &in) != WH_OK)
@@ -125,6 +137,17 @@ static wh_code open_files(wh_draw *d)
 		return d->c->err.code;
 	for (int i = 0; i < d->p->npaths; i++)
 		if (open_file(d, i) != WH_OK)
+			return d->c->err.code;
+	return WH_OK;
+}
+
+/* Faces that are not triangles were met behind a triangle's size, nobody knows in which of them. */
+static wh_code rewrite_files(wh_draw *d)
+{
+	const wh_exec ex = rewriters(d);
+	for (int i = 0; i < d->p->npaths; i++)
+		if (d->file[i].input.source.nf > 0 &&
+		    wh_input_rewrite(d->c, &ex, &d->spill, &d->file[i].input) != WH_OK)
 			return d->c->err.code;
 	return WH_OK;
 }
@@ -374,13 +397,19 @@ static wh_code unchanged(wh_draw *d)
 	return WH_OK;
 }
 
-static wh_code draw_all(wh_draw *d)
+static void count_all(wh_draw *d)
 {
 	*d->r = (wh_picture_report){0};
-	wh_code code = open_files(d);
-	d->c->mem->limit = d->memory > BASE_BYTES / 2 ? d->memory - BASE_BYTES / 2 : 1;
-	if (code == WH_OK)
-		code = reserve_pixels(d);
+	for (int i = 0; i < d->p->npaths; i++) {
+		d->r->faces += d->file[i].input.source.nf;
+		d->r->vertices += d->file[i].input.source.nv;
+	}
+}
+
+static wh_code draw_all(wh_draw *d)
+{
+	count_all(d);
+	wh_code code = reserve_pixels(d);
 	if (code == WH_OK)
 		code = find_box(d);
 	for (int i = 0; code == WH_OK && i < d->p->ncells; i++) {
@@ -388,11 +417,7 @@ static wh_code draw_all(wh_draw *d)
 		if (code == WH_OK)
 			code = draw_cell(d, &d->cell[i]);
 	}
-	if (code == WH_OK)
-		code = unchanged(d);
-	for (int i = 0; code == WH_E_IRREGULAR && i < d->p->npaths; i++)
-		d->file[i].rewrite = true;
-	return code;
+	return code == WH_OK ? unchanged(d) : code;
 }
 
 static wh_code write_picture(wh_draw *d, wh_outfile **out)
@@ -424,11 +449,15 @@ static wh_code give_away(const wh_draw *d)
 
 static wh_code make_picture(wh_draw *d, wh_outfile **out)
 {
-	wh_code code = draw_all(d);
-	if (code == WH_E_IRREGULAR) { /* faces that are not triangles behind a triangle's size */
-		free_pixels(d);
-		close_files(d);
+	wh_code code = open_files(d);
+	d->c->mem->limit = d->memory > BASE_BYTES / 2 ? d->memory - BASE_BYTES / 2 : 1;
+	if (code == WH_OK)
 		code = draw_all(d);
+	if (code == WH_E_IRREGULAR) {
+		free_pixels(d);
+		code = rewrite_files(d);
+		if (code == WH_OK)
+			code = draw_all(d);
 	}
 	close_files(d);
 	if (code == WH_OK && d->p->distance_to)

@@ -13,7 +13,6 @@ enum { WH_DRAW_WORKER_BYTES = 2 * 1024 * 1024 };
 typedef struct wh_draw_file {
 	wh_input input;
 	bool open;
-	bool rewrite; /* its body cannot be used in place */
 	wh_skins skins;
 } wh_draw_file;
 

@@ -286,37 +286,39 @@ static wh_code make(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const w
 	return code;
 }
 
-static wh_code open_once(wh_ctx *c, const wh_exec *ex, wh_progress *progress, bool rewrite,
-                         const wh_surface_params *p, size_t ceiling, wh_surface *s)
+/* Again, where faces that are not triangles were met behind a triangle's size. */
+static wh_code make_again(wh_ctx *c, const wh_exec *ex, const wh_exec *few, wh_progress *progress,
+                          wh_input *in, const wh_surface_params *p, size_t ceiling, wh_surface *s)
+{
+	wh_spill *spill = s->spill;
+	wh_surface_close(c, s);
+	*s = (wh_surface){.spill = spill, .fd = -1};
+	const wh_code code = wh_input_rewrite(c, few, spill, in);
+	return code == WH_OK ? make(c, ex, progress, &in->source, p, ceiling, s) : code;
+}
+
+wh_code wh_surface_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_progress *progress,
+                        const wh_surface_params *p, size_t ceiling, wh_surface *s)
 {
 	wh_input in;
 	wh_exec few = *ex;
 	const size_t fit = p->budget / REWRITE_BYTES;
 	if ((size_t)few.workers > fit)
 		few.workers = fit ? (int)fit : 1;
+	*s = (wh_surface){.spill = spill, .fd = -1};
 	wh_progress_phase(progress, "open", 1);
 	wh_code code =
-	    wh_input_open_with(c, &few, s->spill, p->path, p->from, rewrite,
+	    wh_input_open_with(c, &few, spill, p->path, p->from,
 	                       (wh_wanted){p->colours ? "colour" : "none", WH_HOLDS_ALL}, &in);
 	if (code != WH_OK)
 		return code;
 	code = make(c, ex, progress, &in.source, p, ceiling, s);
+	if (code == WH_E_IRREGULAR)
+		code = make_again(c, ex, &few, progress, &in, p, ceiling, s);
 	if (code == WH_OK)
 		code = wh_input_unchanged(c, &in);
-	wh_input_close(c, s->spill, &in);
+	wh_input_close(c, spill, &in);
 	return code;
-}
-
-wh_code wh_surface_open(wh_ctx *c, const wh_exec *ex, wh_spill *spill, wh_progress *progress,
-                        const wh_surface_params *p, size_t ceiling, wh_surface *s)
-{
-	*s = (wh_surface){.spill = spill, .fd = -1};
-	const wh_code code = open_once(c, ex, progress, false, p, ceiling, s);
-	if (code != WH_E_IRREGULAR)
-		return code;
-	wh_surface_close(c, s); /* faces that are not triangles behind a triangle's size */
-	*s = (wh_surface){.spill = spill, .fd = -1};
-	return open_once(c, ex, progress, true, p, ceiling, s);
 }
 
 void wh_surface_close(wh_ctx *c, wh_surface *s)

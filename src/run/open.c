@@ -31,28 +31,9 @@ wh_code wh_run_open_spill(wh_run *r)
 	return code;
 }
 
-wh_code wh_run_open_input(wh_run *r, bool rewrite)
+/* What the file holds, as far as reading it once tells. */
+static void note_input(wh_run *r)
 {
-	if (r->input_open)
-		wh_input_close(r->c, &r->spill, &r->input);
-	r->input_open = false;
-	wh_progress_phase(&r->progress, "open", 1);
-	wh_exec ex = r->exec;
-	if ((size_t)ex.workers > wh_run_budget(r) / WH_PLAN_REWRITE)
-		ex.workers = wh_run_budget(r) < WH_PLAN_REWRITE
-		                 ? 1
-		                 : (int)(wh_run_budget(r) / WH_PLAN_REWRITE);
-	const wh_input_how how = {.from = r->from,
-	                          .rewrite = rewrite,
-	                          .attributes = wh_run_wanted(r),
-	                          .rply = r->rply,
-	                          .keep_invalid = r->params->drop_invalid};
-	if (wh_input_open_how(r->c, &ex, &r->spill, r->params->input, &how, &r->input) != WH_OK)
-		return r->c->err.code;
-	r->input_open = true;
-	if (wh_attributes_weigh(r->c, r->params->input, r->params->weights, &r->input.attributes) !=
-	    WH_OK)
-		return r->c->err.code;
 	wh_reduce_report *t = r->report;
 	t->input_bytes = r->input.file_bytes;
 	t->input_vertices = r->input.source.nv;
@@ -61,6 +42,32 @@ wh_code wh_run_open_input(wh_run *r, bool rewrite)
 	t->degenerate_faces = r->input.degenerate;
 	r->faces = t->input_faces;
 	wh_run_targets(r);
+}
+
+wh_code wh_run_open_input(wh_run *r)
+{
+	const wh_exec ex = wh_run_workers(r, WH_PLAN_REWRITE);
+	const wh_input_how how = {.from = r->from,
+	                          .attributes = wh_run_wanted(r),
+	                          .rply = r->rply,
+	                          .keep_invalid = r->params->drop_invalid};
+	wh_progress_phase(&r->progress, "open", 1);
+	if (wh_input_open_how(r->c, &ex, &r->spill, r->params->input, &how, &r->input) != WH_OK)
+		return r->c->err.code;
+	r->input_open = true;
+	if (wh_attributes_weigh(r->c, r->input.ply.path, r->params->weights,
+	                        &r->input.attributes) != WH_OK)
+		return r->c->err.code;
+	note_input(r);
+	return WH_OK;
+}
+
+static wh_code rewrite_input(wh_run *r)
+{
+	const wh_exec ex = wh_run_workers(r, WH_PLAN_REWRITE);
+	if (wh_input_rewrite(r->c, &ex, &r->spill, &r->input) != WH_OK)
+		return r->c->err.code;
+	note_input(r);
 	return WH_OK;
 }
 
@@ -305,7 +312,7 @@ static wh_code ingest_input(wh_run *r)
 {
 	wh_code code = ingest_once(r);
 	if (code == WH_E_IRREGULAR) { /* faces that are not triangles behind a triangle's size */
-		if (wh_run_open_input(r, true) != WH_OK)
+		if (rewrite_input(r) != WH_OK)
 			return r->c->err.code;
 		code = ingest_once(r);
 	}
@@ -359,9 +366,9 @@ static wh_code nothing_left(wh_run *r)
 		return wh_fail(r->c, WH_E_INPUT,
 		               "%s: no component has %llu faces or more: nothing to reduce; lower "
 		               "--min-component",
-		               r->params->input, (unsigned long long)r->params->min_component);
+		               r->input.ply.path, (unsigned long long)r->params->min_component);
 	return wh_fail(r->c, WH_E_INPUT, "%s: all %llu faces are degenerate%s: nothing to reduce",
-	               r->params->input, (unsigned long long)t->input_faces,
+	               r->input.ply.path, (unsigned long long)t->input_faces,
 	               wh_run_has_hygiene(r) ? ", or become so without vertices that go" : "");
 }
 
@@ -413,7 +420,7 @@ wh_code wh_run_copy_input(wh_run *r, wh_outfile **out)
 		const size_t n = left < COPY ? (size_t)left : COPY;
 		code = wh_poll(r->c);
 		if (code == WH_OK)
-			code = wh_ply_pread(r->c, r->params->input, r->input.ply.fd, buf, n, at);
+			code = wh_ply_pread(r->c, r->input.ply.path, r->input.ply.fd, buf, n, at);
 		if (code == WH_OK)
 			code = wh_outfile_write(r->c, *out, buf, n);
 	}

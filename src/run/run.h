@@ -126,7 +126,7 @@ void wh_run_note_check(wh_run *r, const wh_check *found);
 /* ---- open.c ------------------------------------------------------------------------------- */
 
 wh_code wh_run_open_spill(wh_run *r);
-wh_code wh_run_open_input(wh_run *r, bool rewrite);
+wh_code wh_run_open_input(wh_run *r);
 /* Names in the report what the file holds and the result will not. */
 void wh_run_list_dropped(wh_run *r);
 /* Makes the plan; a ceiling that will not do is refused. */
