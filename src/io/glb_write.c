@@ -256,25 +256,38 @@ static size_t put_json(const wh_glb *g, const double lo[3], const double hi[3], 
 	return (size_t)(to - text);
 }
 
+static wh_glb describe(wh_ply_style style, uint64_t nv, uint64_t nf)
+{
+	wh_glb g = {.attributes = style.attributes,
+	            .quantize = style.quantize,
+	            .is_double = style.is_double,
+	            .texture = style.texture,
+	            .nv = nv,
+	            .nf = nf};
+	lay_out(&g);
+	return g;
+}
+
+wh_code wh_glb_fits(wh_ctx *c, wh_ply_style style, uint64_t nv, uint64_t nf)
+{
+	const wh_glb g = describe(style, nv, nf);
+	if (nv < UINT32_MAX && nf < UINT32_MAX && body_bytes(&g) <= UINT32_MAX - JSON - HEADERS)
+		return WH_OK;
+	return wh_fail(c, WH_E_USAGE,
+	               "%" PRIu64 " vertices and %" PRIu64
+	               " faces do not fit a GLB file, which ends at 4 GiB; reduce to fewer, "
+	               "or write PLY",
+	               nv, nf);
+}
+
 wh_code wh_glb_begin(wh_ctx *c, wh_glb *g, wh_outfile *out, wh_ply_style style, uint64_t nv,
                      uint64_t nf, const double lo[3], const double hi[3])
 {
 	char json[JSON];
 	unsigned char head[20], bin[8];
-	*g = (wh_glb){.attributes = style.attributes,
-	              .quantize = style.quantize,
-	              .is_double = style.is_double,
-	              .texture = style.texture,
-	              .nv = nv,
-	              .nf = nf};
-	lay_out(g);
-	if (nv >= UINT32_MAX || nf >= UINT32_MAX || body_bytes(g) > UINT32_MAX - JSON - HEADERS)
-		return wh_fail(
-		    c, WH_E_USAGE,
-		    "%" PRIu64 " vertices and %" PRIu64
-		    " faces do not fit a GLB file, which ends at 4 GiB; reduce to fewer, "
-		    "or write PLY",
-		    nv, nf);
+	if (wh_glb_fits(c, style, nv, nf) != WH_OK)
+		return c->err.code;
+	*g = describe(style, nv, nf);
 	choose_origin(g, lo, hi);
 	const size_t n = put_json(g, lo, hi, json);
 	const uint32_t body = (uint32_t)body_bytes(g);

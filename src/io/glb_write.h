@@ -32,6 +32,8 @@ typedef struct wh_glb {
 	uint16_t light[256]; /* of colours that are bytes: 65535 times what COLOR_0 has */
 } wh_glb;
 
+/* WH_E_USAGE for more than 4 GiB. */
+wh_code wh_glb_fits(wh_ctx *c, wh_ply_style style, uint64_t nv, uint64_t nf);
 /* Header, JSON, and what comes before the first vertex. WH_E_USAGE for more than 4 GiB. */
 wh_code wh_glb_begin(wh_ctx *c, wh_glb *g, wh_outfile *out, wh_ply_style style, uint64_t nv,
                      uint64_t nf, const double lo[3], const double hi[3]);

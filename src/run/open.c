@@ -1,6 +1,8 @@
 #define _GNU_SOURCE
 #include "run/run.h"
 
+#include "io/glb_write.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -253,10 +255,36 @@ static void make_plans(wh_run *r)
 	wh_run_aim(r, r->params->levels);
 }
 
+/* A result that GLB has no room for is told before it is made: it has no fewer faces than its
+ * target, and hardly ever less than half as many vertices. */
+static wh_code fits_format(wh_run *r)
+{
+	const wh_reduce_report *t = r->report;
+	uint64_t nf = t->target_faces, nv = t->target_vertices;
+	nf = nf < t->input_faces ? nf : t->input_faces;
+	nv = nv < t->input_vertices ? nv : t->input_vertices;
+	if (nv < nf / 2)
+		nv = nf / 2;
+	return r->to == WH_FORMAT_GLB ? wh_glb_fits(r->c, wh_run_style(r), nv, nf) : WH_OK;
+}
+
+static wh_code all_fit_format(wh_run *r)
+{
+	wh_code code = WH_OK;
+	for (size_t i = 0; code == WH_OK && i < wh_run_results(r); i++) {
+		wh_run_aim(r, i);
+		code = fits_format(r);
+	}
+	wh_run_aim(r, r->params->levels);
+	return code;
+}
+
 wh_code wh_run_refuse_early(wh_run *r)
 {
 	int most = 0;
 	make_plans(r);
+	if (all_fit_format(r) != WH_OK)
+		return r->c->err.code;
 	const size_t cleaning = wh_run_clean_bytes(r);
 	if (cleaning && r->plan.least < cleaning + WH_PLAN_BASE)
 		r->plan.least = cleaning + WH_PLAN_BASE;

@@ -75,6 +75,17 @@ assert [max(p[k::3]) for k in range(3)] == as_float(pos["max"])
 END
 done
 
+# what GLB has no room for is refused before it is made: a file that is all hole
+printf 'ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\nproperty float y
+property float z\nelement face %d\nproperty list uchar int vertex_indices\nend_header\n' \
+	200000000 400000000 >huge.ply
+truncate -s 3G huge.ply
+expect 2 "$WHITTLE" plan huge.ply --to glb --faces 300M
+grep -q '300000000 faces do not fit a GLB' err || fail "a GLB too large: $(cat err)"
+expect 0 "$WHITTLE" plan huge.ply --to glb --faces 100M
+expect 0 "$WHITTLE" plan huge.ply --to ply --faces 300M
+rm huge.ply
+
 # colours and normals in GLB: proportional to light, and unit vectors; quantized, half as large
 expect 0 "$WHITTLE" generate -q -o coloured.ply --faces 4000 --colours --normals
 expect 0 "$WHITTLE" reduce -q coloured.ply -o text.ply --ascii --faces 1G
