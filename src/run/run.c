@@ -263,6 +263,8 @@ void wh_run_note_check(wh_run *r, const wh_check *found)
 	t->checked = true;
 	t->boundary_edges = found->boundary_edges;
 	t->nonmanifold_edges = found->nonmanifold_edges;
+	t->misoriented_edges = found->misoriented_edges;
+	t->nonmanifold_vertices = found->nonmanifold_vertices;
 	t->components = found->components;
 	t->boundary_loops = found->boundary_loops;
 	t->euler = found->euler;

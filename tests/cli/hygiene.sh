@@ -108,5 +108,28 @@ grep -q 'use --memory' err || fail "a ceiling: $(cat err)"
 size=$(sed 's/.*use --memory \([0-9]*M\).*/\1/' err)
 expect 0 "$WHITTLE" reduce soup.ply -f -o out.ply --faces 4K --weld 0.001 --memory "$size"
 expect 0 "$WHITTLE" plan soup.ply --faces 100 --weld 0.001
+
+# what stays is counted in the result, as check does: a face that looks the other way, two sheets at a vertex
+awk 'BEGIN {
+	for (y = 0; y <= 40; y++) for (x = 0; x <= 40; x++) print "v", x, y, (x * y) % 7 / 10
+	for (y = 0; y < 40; y++) for (x = 0; x < 40; x++) {
+		a = 41 * y + x + 1; b = a + 1; c = a + 42; d = a + 41
+		print (x == 20 && y == 20) ? "f " c " " b " " a : "f " a " " b " " c
+		print "f", a, c, d
+	}
+	print "v 50 0 0\nv 50 1 0\nf 1 1682 1683"
+}' >turned.obj
+for way in "--threads 2" "--cluster-faces 1000 --final-faces 1000"; do
+	# shellcheck disable=SC2086
+	expect 0 "$WHITTLE" reduce turned.obj -q -f -o out.ply --faces 3100 --report report $way
+	for key in misoriented_edges nonmanifold_vertices nonmanifold_edges; do
+		expect 0 "$WHITTLE" check --no-progress --json out.ply
+		[ "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" out)" = "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" report)" ] ||
+			fail "$way: $key of the report: $(grep $key out report)"
+	done
+	grep -q '"misoriented_edges": [1-3]' report || fail "$way: no face is turned: $(grep misor report)"
+	grep -q '"nonmanifold_vertices": 1' report || fail "$way: no vertex of two sheets"
+done
+
 [ "$failures" -eq 0 ] && echo "hygiene: ok"
 exit $((failures > 0))
