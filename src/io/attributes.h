@@ -82,9 +82,10 @@ enum {
 	WH_HOLDS_ALPHA = 2,
 	WH_HOLDS_NORMAL = 4,
 	WH_HOLDS_TEXTURE = 8,
-	WH_HOLDS_ALL = 255,    /* any property of vertices */
-	WH_HOLDS_FACES = 256,  /* what faces carry (wedges.h) */
-	WH_HOLDS_CORNERS = 512 /* what their corners do: as it is, or by doubled vertices */
+	WH_HOLDS_ALL = 255,     /* any property of vertices */
+	WH_HOLDS_FACES = 256,   /* what faces carry (wedges.h) */
+	WH_HOLDS_CORNERS = 512, /* what their corners do: as it is, or by doubled vertices */
+	WH_HOLDS_APART = 1024   /* but texture coordinates that vertices have stay with them */
 };
 
 /* What to carry: names as below, as far as the output has room for it. */

@@ -66,7 +66,8 @@ wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
 	*w = (wh_wedges){.list = -1};
 	if (choose_of_faces(c, p, wanted, w) != WH_OK)
 		return c->err.code;
-	w->of_vertices = (wanted.holds & WH_HOLDS_CORNERS) && w->list < 0 && vertices->has_texture;
+	w->of_vertices = (wanted.holds & WH_HOLDS_CORNERS) && !(wanted.holds & WH_HOLDS_APART) &&
+	                 w->list < 0 && vertices->has_texture;
 	if (w->of_vertices && wh_attributes_part(c, vertices, true, &w->corner) != WH_OK)
 		return c->err.code;
 	w->bytes = 3 * w->corner.bytes + w->face.bytes;

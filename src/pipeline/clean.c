@@ -15,6 +15,7 @@
 
 #include "base/chunks.h"
 #include "io/attributes.h"
+#include "io/wedges.h"
 #include "pipeline/near.h"
 
 #include <math.h>
@@ -31,6 +32,7 @@ _Static_assert(CHUNK % WH_RANK_WORD == 0, "no two jobs have bits in one word");
 /* Corners whose new id is not known, or never will be. */
 #define PENDING (UINT64_C(1) << 63) /* and the old id: its window has not come yet */
 #define GONE UINT64_MAX             /* the vertex is not finite */
+#define NO_FACE (UINT64_MAX - 1)    /* the face has a repeated corner to begin with */
 #define NOT_WELDED UINT64_MAX
 
 /* What one worker needs. */
@@ -189,6 +191,7 @@ static void lay_out(clean *k, uint64_t nv, int fd)
 	                 .vfd = fd,
 	                 .is_double = s->is_double,
 	                 .attributes = s->attributes,
+	                 .wedges = s->wedges,
 	                 .afd = fd,
 	                 .ffd = fd,
 	                 .count_off = -1,
@@ -201,7 +204,7 @@ static void lay_out(clean *k, uint64_t nv, int fd)
 	o->vstride = 3 * wh_type_size(type);
 	o->abase = nv * o->vstride;
 	o->fbase = o->abase + nv * (s->attributes ? s->attributes->bytes : 0);
-	o->fstride = 3 * wh_type_size(o->itype);
+	o->fstride = 3 * wh_type_size(o->itype) + (s->wedges ? s->wedges->bytes : 0);
 	k->end = o->fbase;
 }
 
@@ -249,122 +252,129 @@ static bool is_degenerate(const uint64_t *t)
 	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
 }
 
-/* Takes degenerate faces out, moving up those behind them; returns how many are left. */
-static size_t drop_degenerate(uint64_t *ids, size_t n)
+static bool is_pending(uint64_t id)
 {
-	size_t left = 0;
-	for (size_t i = 0; i < n; i++) {
-		if (is_degenerate(ids + 3 * i))
-			continue;
-		if (left != i)
-			memmove(ids + 3 * left, ids + 3 * i, 3 * sizeof *ids);
-		left++;
-	}
-	return left;
+	return id & PENDING && id < NO_FACE;
 }
 
-/* Faces of a chunk for the first time: those that are triangles. */
-static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t *n)
+static size_t carried_bytes(const wh_source *s)
 {
-	const size_t all = wh_chunk_items(k->source->nf, index, CHUNK);
+	return s->wedges ? s->wedges->bytes : 0;
+}
+
+/* Faces of a chunk for the first time. */
+static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
+{
 	const wh_code code =
-	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, all, h->ids, h->raw);
+	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, n, h->ids, h->raw);
 	if (code != WH_OK)
 		return code;
-	*n = drop_degenerate(h->ids, all);
-	h->found.degenerate_faces = all - *n;
-	for (size_t i = 0; i < 3 * *n; i++)
-		h->ids[i] = resolve(k, h->ids[i]);
+	for (size_t i = 0; i < n; i++) {
+		uint64_t *t = h->ids + 3 * i;
+		const bool none = is_degenerate(t);
+		for (int corner = 0; corner < 3; corner++)
+			t[corner] = none ? NO_FACE : resolve(k, t[corner]);
+	}
 	return WH_OK;
 }
 
-/* What is known of a chunk's corners lies at its place, and how many faces that are before it. */
+/* What is known of a chunk's corners lies at its place. */
 static uint64_t corners_at(int64_t index)
 {
-	return (uint64_t)index * (CHUNK * 3 + 2) * sizeof(uint64_t);
+	return (uint64_t)index * CHUNK * 3 * sizeof(uint64_t);
 }
 
-static wh_code read_corners(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t *n)
+static wh_code read_corners(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
 {
-	uint64_t head[2];
-	if (wh_spill_pread(c, k->spill, k->corners_fd, head, sizeof head, corners_at(index)) !=
-	        WH_OK ||
-	    wh_spill_pread(c, k->spill, k->corners_fd, h->ids, head[0] * 3 * sizeof *h->ids,
-	                   corners_at(index) + sizeof head) != WH_OK)
+	if (wh_spill_pread(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
+	                   corners_at(index)) != WH_OK)
 		return c->err.code;
-	*n = (size_t)head[0];
-	h->found.degenerate_faces = head[1];
-	for (size_t i = 0; i < 3 * *n; i++)
-		if (h->ids[i] != GONE && h->ids[i] & PENDING)
+	for (size_t i = 0; i < 3 * n; i++)
+		if (is_pending(h->ids[i]))
 			h->ids[i] = resolve(k, h->ids[i] & ~PENDING);
 	return WH_OK;
 }
 
 static wh_code write_corners(wh_ctx *c, const clean *k, const hand *h, int64_t index, size_t n)
 {
-	const uint64_t head[2] = {n, h->found.degenerate_faces};
 	struct span *s = &k->waits[index];
 	*s = (struct span){UINT64_MAX, 0};
 	for (size_t i = 0; i < 3 * n; i++) {
-		if (h->ids[i] == GONE || !(h->ids[i] & PENDING))
+		if (!is_pending(h->ids[i]))
 			continue;
 		const uint64_t id = h->ids[i] & ~PENDING;
 		s->lo = id < s->lo ? id : s->lo;
 		s->hi = id > s->hi ? id : s->hi;
 	}
-	if (wh_spill_pwrite(c, k->spill, k->corners_fd, head, sizeof head, corners_at(index)) !=
-	    WH_OK)
-		return c->err.code;
 	return wh_spill_pwrite(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
-	                       corners_at(index) + sizeof head);
+	                       corners_at(index));
 }
 
 static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
-	size_t n = 0;
-	wh_progress_add(k->progress, wh_chunk_items(k->source->nf, index, CHUNK));
+	const size_t n = wh_chunk_items(k->source->nf, index, CHUNK);
+	wh_progress_add(k->progress, n);
 	if (k->first > 0 &&
 	    (k->waits[index].hi < k->first || k->waits[index].lo >= k->first + k->window))
 		return WH_OK;
 	const wh_code code =
-	    k->first == 0 ? read_faces(c, k, h, index, &n) : read_corners(c, k, h, index, &n);
+	    k->first == 0 ? read_faces(c, k, h, index, n) : read_corners(c, k, h, index, n);
 	return code == WH_OK ? write_corners(c, k, h, index, n) : code;
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
 
-static void put_face(const wh_source *out, unsigned char *to, const uint64_t *t)
+static void put_face(const wh_source *out, unsigned char *to, const uint64_t *t,
+                     const unsigned char *carried)
 {
 	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
+	const size_t corners = 3 * wh_type_size(out->itype);
 	if (out->itype == WH_U32)
 		memcpy(to, narrow, sizeof narrow);
 	else
 		memcpy(to, t, 3 * sizeof *t);
+	if (out->fstride > corners)
+		memcpy(to + corners, carried, out->fstride - corners);
+}
+
+/* The corners of a chunk in the last window; h->raw has what the faces carry, if they do. */
+static wh_code last_look(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
+{
+	const wh_source *s = k->source;
+	if (k->windows == 1)
+		return read_faces(c, k, h, index, n);
+	if (read_corners(c, k, h, index, n) != WH_OK)
+		return c->err.code;
+	return s->wedges ? wh_ply_pread(c, s->path, s->ffd, h->raw, n * s->fstride,
+	                                s->fbase + (uint64_t)index * CHUNK * s->fstride)
+	                 : WH_OK;
 }
 
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
 	hand *h = &k->hands[worker];
-	size_t n = 0;
+	const size_t n = wh_chunk_items(k->source->nf, index, CHUNK), each = k->source->fstride;
+	const unsigned char *carried =
+	    (const unsigned char *)h->raw + each - carried_bytes(k->source);
+	const wh_code code = last_look(c, k, h, index, n);
 	h->found = (wh_clean_result){0};
-	const wh_code code =
-	    k->windows == 1 ? read_faces(c, k, h, index, &n) : read_corners(c, k, h, index, &n);
-	if (code != WH_OK)
-		return code;
 	h->out_n = 0;
-	for (size_t i = 0; i < n; i++) {
+	for (size_t i = 0; code == WH_OK && i < n; i++) {
 		const uint64_t *t = h->ids + 3 * i;
-		if (t[0] == GONE || t[1] == GONE || t[2] == GONE)
+		if (t[0] == NO_FACE)
+			h->found.degenerate_faces++;
+		else if (t[0] == GONE || t[1] == GONE || t[2] == GONE)
 			h->found.invalid_faces++;
 		else if (is_degenerate(t))
 			h->found.collapsed_faces++;
 		else
-			put_face(k->out, h->out + h->out_n++ * k->out->fstride, t);
+			put_face(k->out, h->out + h->out_n++ * k->out->fstride, t,
+			         carried + i * each);
 	}
-	return WH_OK;
+	return code;
 }
 
 static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -420,7 +430,7 @@ static size_t hand_bytes(const wh_source *s)
 {
 	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
 	const size_t record = s->attributes ? s->attributes->bytes : 0;
-	return (v > f ? v : f) + CHUNK * (24 + record + 24 + 24);
+	return (v > f ? v : f) + CHUNK * (24 + record + 24 + 24 + carried_bytes(s));
 }
 
 static size_t window_bytes(const wh_source *s, const wh_clean_params *p, uint64_t window)
@@ -454,7 +464,8 @@ uint64_t wh_clean_disk(const wh_source *s, const wh_clean_params *params)
 {
 	const uint64_t vertex =
 	    (s->is_double ? 24 : 12) + (s->attributes ? s->attributes->bytes : 0);
-	const uint64_t result = s->nv * vertex + s->nf * (s->nv > UINT32_MAX ? 24 : 12);
+	const uint64_t face = (s->nv > UINT32_MAX ? 24 : 12) + carried_bytes(s);
+	const uint64_t result = s->nv * vertex + s->nf * face;
 	const uint64_t corners = s->nf * 24;
 	const uint64_t near = params->weld ? wh_near_disk(s) : 0;
 	return result + (near > corners || !params->weld ? near : corners);
@@ -492,7 +503,7 @@ static wh_code open_hands(wh_ctx *c, clean *k, int workers)
 		if (s->attributes)
 			h->records = wh_alloc(c, CHUNK, s->attributes->bytes);
 		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
-		h->out = wh_alloc(c, CHUNK, 3 * sizeof(double));
+		h->out = wh_alloc(c, CHUNK, 3 * sizeof(double) + carried_bytes(s));
 	}
 	return c->err.code;
 }

@@ -2,7 +2,8 @@
  * clean: a source without vertices that are not finite, and with near vertices made one.
  *
  * Works on positions and triangles at fixed strides, out of core; what comes out is another such
- * source. Vertices keep their order, their bits and their attributes; faces keep their order. A
+ * source. Vertices keep their order, their bits and their attributes; faces keep their order and
+ * what they and their corners carry. A
  * face that used a vertex that went is left out, and so is one two of whose corners became one.
  *
  * Welding: vertices are gone through in an order that their positions and numbers give (below).

@@ -272,7 +272,8 @@ static wh_code choose_of_vertices(wh_ctx *c, wh_wanted wanted, wh_input *in)
 {
 	const wh_wanted held = {wanted.names, wanted.holds & WH_HOLDS_ALL};
 	wh_wanted read = held;
-	if (wanted.holds & WH_HOLDS_CORNERS) /* the output has them there, if not at vertices */
+	if ((wanted.holds & WH_HOLDS_CORNERS) &&
+	    !(wanted.holds & WH_HOLDS_APART)) /* the output has them there, if not at vertices */
 		read.holds |= WH_HOLDS_TEXTURE;
 	if (wh_attributes_choose(c, &in->ply, read, &in->whole) != WH_OK ||
 	    wh_wedges_choose(c, &in->ply, wanted, &in->whole, &in->wedges) != WH_OK)

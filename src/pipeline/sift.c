@@ -93,6 +93,14 @@ static size_t table_size(uint64_t faces)
 	return slots;
 }
 
+/* Face f becomes the one in place `to`, with all that it carries. */
+static void move_face(wh_patch *p, uint32_t to, uint32_t f)
+{
+	memmove(p->tri + 3 * (size_t)to, p->tri + 3 * (size_t)f, 3 * sizeof *p->tri);
+	if (p->face_bytes)
+		memmove(wh_patch_face(p, to), wh_patch_face(p, f), p->face_bytes);
+}
+
 /* Counts the copies, and moves the faces behind them up. */
 static wh_code drop_duplicates(wh_ctx *c, hand *h, bool drop)
 {
@@ -107,8 +115,7 @@ static wh_code drop_duplicates(wh_ctx *c, hand *h, bool drop)
 		h->found.duplicate_faces += !first;
 		if (drop && !first)
 			continue;
-		memmove(p->tri + 3 * (size_t)left, p->tri + 3 * (size_t)f, 3 * sizeof *p->tri);
-		left++;
+		move_face(p, left++, f);
 	}
 	p->nf = left;
 	return WH_OK;
@@ -283,9 +290,8 @@ static void drop_parts(const sift *s, hand *h)
 	judge_parts(s, h);
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = p->tri + 3 * (size_t)f;
-		if (h->part[wh_sets_find(h->set, t[0])].faces == 0)
-			continue;
-		memmove(p->tri + 3 * (size_t)left++, t, 3 * sizeof *t);
+		if (h->part[wh_sets_find(h->set, t[0])].faces > 0)
+			move_face(p, left++, f);
 	}
 	p->nf = left;
 }

@@ -2,8 +2,7 @@
  * sift: a store without the copies of faces, and without components of few faces.
  *
  * All clusters are looked at once, several at a time, and written anew only where something goes.
- * What faces and corners carry beside their vertices (io/wedges.h) must not be there: it would stay
- * behind. A component is of faces joined through shared vertices. Copies of a face are faces with
+ * A component is of faces joined through shared vertices. Copies of a face are faces with
  * the same three vertices in any order; the first in the order of the input stays.
  */
 #ifndef WH_PIPELINE_SIFT_H

@@ -131,5 +131,48 @@ for way in "--threads 2" "--cluster-faces 1000 --final-faces 1000"; do
 	grep -q '"nonmanifold_vertices": 1' report || fail "$way: no vertex of two sheets"
 done
 
+# what faces and corners carry stays with them, past those that go: texture coordinates are places, materials sides
+awk -v n=60 'function corner(x, y) { print "v", x, y, 0; print "vt", x / n, y / n; count++ }
+function face(a) { print "f " a "/" a, a + 1 "/" a + 1, a + 2 "/" a + 2 }
+function triangle(ax, ay, bx, by, cx, cy) {
+	corner(ax, ay); corner(bx, by); corner(cx, cy); face(count - 2)
+}
+BEGIN {
+	for (y = 0; y < n; y++) for (x = 0; x < n; x++) {
+		print "usemtl", x < n / 2 ? "left" : "right"
+		if (x % 7 == 3) { corner(x, y); print "f", count "/" count, count "/" count, count "/" count }
+		if (y % 9 == 4) { print "v nan 0 0\nvt 9 9"; count++; print "f", count - 1 "/" count - 1, count "/" count, count - 2 "/" count - 2 }
+		triangle(x, y, x + 1, y, x + 1, y + 1); triangle(x, y, x + 1, y + 1, x, y + 1)
+		if (x == y) triangle(x, y, x + 1, y, x + 1, y + 1)
+	}
+	print "usemtl left"; triangle(200, 200, 201, 200, 200, 201)
+}' >skin.obj
+for way in "--threads 2" "--cluster-faces 1000 --final-faces 1000 --threads 1"; do
+	# shellcheck disable=SC2086
+	expect 0 "$WHITTLE" reduce skin.obj -f -o out.obj --faces 2000 --drop-invalid --weld 0 --min-component 3 $way
+	! grep 'not carried over' out || fail "$way: something is left behind"
+	python3 - <<'END' || fail "$way: texture coordinates or materials are others'"
+v, vt, sides, material = [], [], set(), None
+for line in open("out.obj"):
+    w = line.split()
+    if not w or w[0][0] == "#":
+        continue
+    if w[0] == "v":
+        v.append([float(x) for x in w[1:4]])
+    elif w[0] == "vt":
+        vt.append([float(x) for x in w[1:3]])
+    elif w[0] == "usemtl":
+        material = w[1]
+    elif w[0] == "f":
+        for c in w[1:]:
+            i, t = (int(x) - 1 for x in c.split("/"))
+            assert all(abs(v[i][k] / 60 - vt[t][k]) < 1e-5 for k in (0, 1)), (line, v[i], vt[t])
+        x = sum(v[int(c.split("/")[0]) - 1][0] for c in w[1:]) / 3
+        assert (x < 30) == (material == "left"), (line, x, material)
+        sides.add(material)
+assert sides == {"left", "right"} and max(p[0] for p in v) <= 60
+END
+done
+
 [ "$failures" -eq 0 ] && echo "hygiene: ok"
 exit $((failures > 0))
