@@ -330,7 +330,7 @@ static void put_face(const wh_source *out, unsigned char *to, const uint64_t *t,
                      const unsigned char *carried)
 {
 	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
-	const size_t corners = 3 * wh_type_size(out->itype);
+	const size_t corners = 3 * (size_t)wh_type_size(out->itype);
 	if (out->itype == WH_U32)
 		memcpy(to, narrow, sizeof narrow);
 	else
