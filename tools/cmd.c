@@ -189,14 +189,6 @@ bool cmd_is_dash(const char *name)
 	return name && strcmp(name, "-") == 0;
 }
 
-bool cmd_same_file(const char *a, const char *b)
-{
-	struct stat x, y;
-	if (strcmp(a, b) == 0)
-		return true;
-	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
-}
-
 bool cmd_parse_from(const char *text, wh_format *out)
 {
 	return wh_format_parse(text, out) && *out != WH_FORMAT_GLB;

@@ -52,9 +52,6 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 /* True for the name of standard input or output; name may be NULL. */
 bool cmd_is_dash(const char *name);
 
-/* True when both names lead to one file. */
-bool cmd_same_file(const char *a, const char *b);
-
 /* Parses the name of a format that can be read. */
 bool cmd_parse_from(const char *text, wh_format *out);
 

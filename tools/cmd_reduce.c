@@ -8,6 +8,8 @@
 #include "reduce_run.h"
 #include "whittle.h"
 
+#include "io/outfile.h"
+
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -72,9 +74,15 @@ static const char help[] =
     "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
     "                        at once; above, it goes cluster by cluster\n";
 
-static bool is_input(const reduce_options *o, const char *name)
+/* True when a further output would lie where the input, a result, or the other one does. */
+static bool is_taken(const reduce_options *o, const char *name, const char *other)
 {
-	return !cmd_is_dash(name) && cmd_same_file(name, o->params.input);
+	const wh_reduce_params *p = &o->params;
+	bool taken = (!cmd_is_dash(name) && wh_outfile_same(name, p->input)) ||
+	             wh_outfile_same(name, p->output) || (other && wh_outfile_same(name, other));
+	for (size_t i = 0; i < p->levels; i++)
+		taken = taken || wh_outfile_same(name, p->level[i].output);
+	return taken;
 }
 
 /* The report may replace an older one when asked to, but neither mesh. */
@@ -82,8 +90,8 @@ static int check_report_name(const reduce_options *o)
 {
 	if (!o->report)
 		return WH_OK;
-	if (cmd_same_file(o->report, o->params.output) || is_input(o, o->report))
-		return cmd_usage_error("reduce", "--report '%s' is the input or the output",
+	if (is_taken(o, o->report, o->params.seams))
+		return cmd_usage_error("reduce", "--report '%s' is the input or another output",
 		                       o->report);
 	struct stat st;
 	if (!o->params.force && stat(o->report, &st) == 0 && S_ISREG(st.st_mode))
@@ -92,14 +100,10 @@ static int check_report_name(const reduce_options *o)
 	return WH_OK;
 }
 
-/* Three outputs under one name would be one. */
 static int check_seams_name(const reduce_options *o)
 {
 	const char *seams = o->params.seams;
-	if (!seams)
-		return WH_OK;
-	if (cmd_same_file(seams, o->params.output) || is_input(o, seams) ||
-	    (o->report && cmd_same_file(seams, o->report)))
+	if (seams && is_taken(o, seams, NULL))
 		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
 		                       seams);
 	return WH_OK;

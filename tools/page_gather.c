@@ -1,4 +1,5 @@
 /* What a page needs of the meshes, through the library's calls. */
+#define _POSIX_C_SOURCE 200809L
 #include "compare_json.h"
 #include "page_parts.h"
 
@@ -6,8 +7,10 @@
 #include "pipeline/normalise.h"
 #include "whittle.h"
 
-#include <stdio.h>
+#include <fcntl.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 enum {
 	SAMPLES = 4,                   /* of the pictures, along the side of a pixel */
@@ -34,19 +37,18 @@ static wh_code look_at(page_work *w, const char *path, page_mesh *m)
 static wh_code read_run(page_work *w, const char *path, json_t **run)
 {
 	json_error_t why;
-	FILE *f = fopen(path, "rb");
-	if (!f)
+	struct stat st;
+	const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe must not block */
+	if (fd < 0)
 		return wh_fail_errno(w->c, "cannot open '%s'", path);
-	if (fseek(f, 0, SEEK_END) == 0 && ftell(f) > REPORT_MOST) {
-		(void)fclose(f);
-		return wh_fail(w->c, WH_E_INPUT,
-		               "'%s' is too large for a report: --json takes what reduce --report "
-		               "wrote",
-		               path);
+	if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode) || st.st_size > REPORT_MOST) {
+		(void)close(fd);
+		return wh_fail(
+		    w->c, WH_E_INPUT,
+		    "'%s' is no report: --json takes the file that reduce --report wrote", path);
 	}
-	(void)fseek(f, 0, SEEK_SET);
-	*run = json_loadf(f, JSON_REJECT_DUPLICATES, &why);
-	(void)fclose(f);
+	*run = json_loadfd(fd, JSON_REJECT_DUPLICATES, &why);
+	(void)close(fd);
 	if (!*run)
 		return wh_fail(w->c, WH_E_INPUT,
 		               "'%s', line %d: %s; --json takes what reduce --report wrote", path,

@@ -4,6 +4,7 @@
 #include "compare_json.h"
 #include "progress_bar.h"
 
+#include "io/outfile.h"
 #include "pipeline/measure.h"
 
 #include <stdlib.h>
@@ -35,7 +36,7 @@ int reduce_measure_check(const reduce_options *o)
 		return cmd_usage_error("reduce", "--measure needs an input that can be read again: "
 		                                 "save it to a file first");
 	for (size_t i = 0; i <= p->levels; i++)
-		if (cmd_is_dash(result_of(p, i)) || cmd_same_file(p->input, result_of(p, i)))
+		if (cmd_is_dash(result_of(p, i)) || wh_outfile_same(p->input, result_of(p, i)))
 			return cmd_usage_error("reduce", "--measure needs an output that is a "
 			                                 "file of its own");
 	if (cmd_is_dash(p->seams))

@@ -158,7 +158,7 @@ static uint32_t take_short(const reading *r, const uint32_t *list, uint32_t n, u
 	uint32_t m = 0;
 	for (uint32_t i = 0; i < n; i++) {
 		moved[m] = list[i];
-		m += bits >> i & 1;
+		m += (uint32_t)(bits >> i & 1);
 	}
 	return m;
 }

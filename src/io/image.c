@@ -3,6 +3,7 @@
 
 #include "io/ply.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -51,9 +52,10 @@ static wh_code read_all(wh_ctx *c, const char *path, int fd, wh_image *m)
 wh_code wh_image_read(wh_ctx *c, const char *path, wh_image *m)
 {
 	*m = (wh_image){0};
-	const int fd = open(path, O_RDONLY | O_CLOEXEC);
+	const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe must not block */
 	if (fd < 0)
-		return wh_fail(c, WH_E_INPUT, "cannot open the picture '%s'", path);
+		return wh_fail(c, WH_E_INPUT, "cannot open the picture '%s': %s", path,
+		               strerror(errno));
 	const wh_code code = read_all(c, path, fd, m);
 	(void)close(fd);
 	if (code != WH_OK) {

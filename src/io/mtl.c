@@ -92,7 +92,7 @@ static wh_code take_text(wh_ctx *c, const char *s, size_t n, const wh_names *mat
 static wh_code take_file(wh_ctx *c, const char *path, const wh_names *materials, wh_mtl *m)
 {
 	struct stat st;
-	const int fd = open(path, O_RDONLY | O_CLOEXEC);
+	const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe must not block */
 	if (fd < 0)
 		return WH_OK;
 	char *text = NULL;

@@ -64,23 +64,63 @@ static bool sibling(char out[PATH_MAX], const char *path, const char *name)
 	return n > 0 && n < PATH_MAX;
 }
 
-/* Follows symbolic links at the end of the path, also when the last one leads to nothing yet. */
-static wh_code follow_links(wh_ctx *c, const char *path, char out[PATH_MAX])
+/* Follows symbolic links at the end of the path, also when the last one leads to nothing yet. False
+ * with errno where there is no end of them, or no room. */
+static bool follow(const char *path, char out[PATH_MAX])
 {
 	char link[PATH_MAX];
 	char next[PATH_MAX];
+	errno = ENAMETOOLONG;
 	if (!sibling(out, "", path))
-		return wh_fail(c, WH_E_USAGE, "the output path is too long: %.200s...", path);
+		return false;
 	for (int i = 0; i < MOST_LINKS; i++) {
 		const ssize_t n = readlink(out, link, sizeof link - 1);
 		if (n < 0)
-			return WH_OK;
+			return true;
 		link[n] = '\0';
+		errno = ENAMETOOLONG;
 		if (!sibling(next, out, link))
-			break;
+			return false;
 		memcpy(out, next, PATH_MAX);
 	}
+	errno = ELOOP;
+	return false;
+}
+
+static wh_code follow_links(wh_ctx *c, const char *path, char out[PATH_MAX])
+{
+	if (*path == '\0')
+		return wh_fail(c, WH_E_USAGE, "the name of the output is empty");
+	if (follow(path, out))
+		return WH_OK;
+	if (errno == ENAMETOOLONG)
+		return wh_fail(c, WH_E_USAGE, "the output path is too long: %.200s...", path);
 	return wh_fail(c, WH_E_RUN, "'%s': too many symbolic links", path);
+}
+
+/* The folder that a path leads to, and the name in it, which lies in target. NULL: there is none.
+ */
+static const char *place_of(const char *path, struct stat *folder, char target[PATH_MAX])
+{
+	char above[PATH_MAX];
+	if (!follow(path, target) || !sibling(above, target, ".") || stat(above, folder) != 0)
+		return NULL;
+	const char *slash = strrchr(target, '/');
+	return slash ? slash + 1 : target;
+}
+
+bool wh_outfile_same(const char *a, const char *b)
+{
+	struct stat x, y;
+	char target_a[PATH_MAX], target_b[PATH_MAX];
+	if (strcmp(a, b) == 0)
+		return true;
+	if (stat(a, &x) == 0 && stat(b, &y) == 0)
+		return x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+	const char *name_a = place_of(a, &x, target_a);
+	const char *name_b = place_of(b, &y, target_b);
+	return name_a && name_b && x.st_dev == y.st_dev && x.st_ino == y.st_ino &&
+	       strcmp(name_a, name_b) == 0;
 }
 
 static wh_code open_folder(wh_ctx *c, wh_outfile *o, const char *target)

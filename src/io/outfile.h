@@ -35,6 +35,10 @@ void wh_outfile_clear(wh_ctx *c, const char *path, const char *tag);
 /* True when a regular file of that name has so many bytes and this checksum. */
 bool wh_outfile_is(wh_ctx *c, const char *path, uint64_t bytes, const char hex[33]);
 
+/* True when two paths lead to one file, or would when it is written: however they spell its folder,
+ * and through symbolic links. */
+bool wh_outfile_same(const char *a, const char *b);
+
 /* Appends n bytes. A full disk or any other failure is recorded once, with the file's name. */
 wh_code wh_outfile_write(wh_ctx *c, wh_outfile *o, const void *bytes, size_t n);
 
