@@ -492,6 +492,7 @@ typedef struct comparison {
 	wh_ctx *c;
 	const wh_exec *ex;
 	const wh_compare_params *params;
+	size_t held; /* by all, when it began */
 	wh_bvh *t[2];
 	uint64_t samples;
 	uint32_t regions;
@@ -519,16 +520,19 @@ static bool has_cuts(const wh_compare_params *p)
 	return p->cuts || p->fetch_cuts;
 }
 
-/* Bytes beside those of the sides: the tallies are there already. */
-static size_t band_bytes(const comparison *k)
+/* Bytes beside those of the sides: of the trees' upper boxes and the tallies, which are there, and
+ * of the band, which may be to come. */
+static size_t other_bytes(const comparison *k)
 {
-	return has_cuts(k->params) ? wh_band_bytes(k->t[1]) : 0;
+	const size_t band = has_cuts(k->params) && !k->band ? wh_band_bytes(k->t[1]) : 0;
+	const size_t now = atomic_load(&k->c->mem->used);
+	return (now > k->held ? now - k->held : 0) + band;
 }
 
 /* What a side may take. WH_E_PLAN where that is nothing. */
 static wh_code room_of(const comparison *k, bool marks, size_t *room)
 {
-	const size_t taken = band_bytes(k) + (marks ? wh_band_work_bytes(k->t[1], k->ex) : 0) + 1;
+	const size_t taken = other_bytes(k) + (marks ? wh_band_work_bytes(k->t[1], k->ex) : 0) + 1;
 	*room = k->params->memory;
 	if (*room == 0)
 		return WH_OK;
@@ -724,6 +728,7 @@ wh_code wh_compare_surfaces(wh_ctx *c, const wh_exec *ex, wh_bvh *a, wh_bvh *b,
 	comparison k = {.c = c,
 	                .ex = ex,
 	                .params = params,
+	                .held = atomic_load(&c->mem->used),
 	                .t = {a, b},
 	                .samples = wh_compare_samples(a, b, params),
 	                .regions = a->pages < WH_REGIONS ? a->pages : WH_REGIONS};
