@@ -44,7 +44,7 @@ static void raise_mark(const order *o, uint32_t v, float cost)
 /* Raises the marks of a face's corners. */
 static void raise_face(const order *o, uint32_t c, float cost)
 {
-	const uint32_t *tri = &o->out->at.tri[c / 3 * 3];
+	const uint32_t *tri = &o->out->at.tri[(size_t)(c / 3) * 3];
 	for (uint32_t k = 0; k < 3; k++)
 		raise_mark(o, tri[k], cost);
 }

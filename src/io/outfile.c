@@ -230,7 +230,7 @@ static wh_code exists_already(wh_ctx *c, const wh_outfile *o)
 
 static wh_code open_target(wh_ctx *c, wh_outfile *o)
 {
-	char target[PATH_MAX];
+	char target[PATH_MAX] = "";
 	struct stat st;
 	const bool exists = stat(o->shown, &st) == 0; /* follows links, as the kernel sees them */
 	if (exists && S_ISDIR(st.st_mode))

@@ -446,10 +446,10 @@ size_t wh_twins_bytes(const wh_source *source, int workers, uint64_t window)
 {
 	const uint64_t windows = source->nv / window + 1;
 	const size_t map = (size_t)(window < source->nv ? window : source->nv) * sizeof(uint64_t);
-	const size_t each = wh_source_triangle_bytes(source, CHUNK) + CHUNK * 3 * sizeof(uint64_t) +
-	                    (size_t)windows * BLOCK * (sizeof(edge) + sizeof(wh_near_pair)) +
-	                    (size_t)BUCKET * 2 * sizeof(edge) +
-	                    (size_t)MOST_BUCKETS * BLOCK * sizeof(copies);
+	const size_t each =
+	    wh_source_triangle_bytes(source, CHUNK) + (size_t)CHUNK * 3 * sizeof(uint64_t) +
+	    (size_t)windows * BLOCK * (sizeof(edge) + sizeof(wh_near_pair)) +
+	    (size_t)BUCKET * 2 * sizeof(edge) + (size_t)MOST_BUCKETS * BLOCK * sizeof(copies);
 	const size_t near = wh_near_bytes(source, workers, windows);
 	const size_t own =
 	    map + (size_t)workers * each + (windows + MOST_BUCKETS) * BLOCK * sizeof(edge);

@@ -39,7 +39,7 @@ static wh_code separate(wh_run *r)
 }
 
 /* The last collapses; of a progressive mesh they are kept. */
-static wh_code simplify(wh_run *r, wh_simplify_work *w, wh_simplify_params *p,
+static wh_code simplify(wh_run *r, wh_simplify_work *w, const wh_simplify_params *p,
                         wh_simplify_result *done)
 {
 	if (!r->params->progressive)
@@ -48,9 +48,10 @@ static wh_code simplify(wh_run *r, wh_simplify_work *w, wh_simplify_params *p,
 	wh_sequence_writer writer = {0};
 	const wh_collapse_sink sink = {wh_sequence_put, &writer};
 	wh_code code = wh_sequence_begin(r->c, &writer, &r->spill, generation, 0, &r->patch);
-	p->sink = &sink;
+	wh_simplify_params kept = *p;
+	kept.sink = &sink;
 	if (code == WH_OK)
-		code = wh_sequence_end(r->c, &writer, wh_simplify(r->c, w, &r->patch, p, done));
+		code = wh_sequence_end(r->c, &writer, wh_simplify(r->c, w, &r->patch, &kept, done));
 	wh_free(r->c, writer.buf);
 	return code == WH_OK ? wh_sequence_keep(r->c, &r->sequence, generation, 1) : code;
 }

@@ -131,7 +131,7 @@ static wh_code add_cluster(wh_ctx *c, record *k, const wh_patch *p, uint32_t *nf
 	if (p->nf > run->nf - *nf)
 		return wh_fail(c, WH_E_RUN, "a temporary file has too many faces");
 	for (uint32_t v = 0; v < p->nv; v++) {
-		if (p->gid[v] >= run->nv)
+		if (!run->pos || p->gid[v] >= run->nv)
 			return wh_fail(c, WH_E_RUN, "a temporary file has a vertex too many");
 		run->pos[p->gid[v]] = wh_scale(p->pos[v], k->unscale);
 		if (n)
