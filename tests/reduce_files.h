@@ -10,6 +10,7 @@
 
 #include "algo/synth.h"
 #include "io/outfile.h"
+#include "pipeline/normalise.h"
 #include "whittle.h"
 
 #include <dirent.h>
@@ -64,6 +65,19 @@ static inline void same_bytes(const char *a, const char *b)
 	} while (x != EOF);
 	(void)fclose(f);
 	(void)fclose(g);
+}
+
+/* The mesh of a file; the caller frees it. */
+static inline wh_mesh load_mesh(fixture *f, const char *path)
+{
+	wh_mesh m;
+	wh_spill spill = {0};
+	const wh_exec ex = {.workers = 1};
+	assert_int_equal(wh_spill_open(&f->t.ctx, &spill, f->temp, NULL), WH_OK);
+	assert_int_equal(wh_load_mesh(&f->t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL),
+	                 WH_OK);
+	wh_spill_close(&f->t.ctx, &spill);
+	return m;
 }
 
 static inline int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)

@@ -52,18 +52,6 @@ static void open_levels(levels *l, wh_synth_kind kind, uint64_t faces)
 	l->f.params.final_faces = 4000;
 }
 
-static wh_mesh load(fixture *f, const char *path)
-{
-	wh_mesh m;
-	wh_spill spill = {0};
-	const wh_exec ex = {.workers = 1};
-	assert_int_equal(wh_spill_open(&f->t.ctx, &spill, f->temp, NULL), WH_OK);
-	assert_int_equal(wh_load_mesh(&f->t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL),
-	                 WH_OK);
-	wh_spill_close(&f->t.ctx, &spill);
-	return m;
-}
-
 /* A boundary lets counts be odd; a sphere has one face less then. */
 static void every_level_has_its_count_and_is_clean(void **state)
 {
@@ -77,7 +65,7 @@ static void every_level_has_its_count_and_is_clean(void **state)
 			const wh_reduce_report *t = &l.f.report;
 			const uint64_t want = open ? usual[i] : usual[i] & ~(uint64_t)1;
 			wh_check c;
-			wh_mesh m = load(&l.f, l.path[i]);
+			wh_mesh m = load_mesh(&l.f, l.path[i]);
 			assert_int_equal(wh_check_mesh(&l.f.t.ctx, &m, &c), WH_OK);
 			assert_int_equal(m.nf, want);
 			assert_true(wh_check_clean(&c));
@@ -103,7 +91,7 @@ static double rms(levels *l, const char *path)
 	const wh_exec ex = {.workers = 2};
 	const wh_compare_params p = {.samples = 30000};
 	wh_compare r;
-	wh_mesh a = load(&l->f, l->f.in), b = load(&l->f, path);
+	wh_mesh a = load_mesh(&l->f, l->f.in), b = load_mesh(&l->f, path);
 	assert_int_equal(wh_compare_meshes(&l->f.t.ctx, &ex, &a, &b, &p, &r), WH_OK);
 	wh_mesh_free(&l->f.t.ctx, &a);
 	wh_mesh_free(&l->f.t.ctx, &b);

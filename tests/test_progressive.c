@@ -69,23 +69,11 @@ static void write_level(record *r, uint64_t level, const char *path, char checks
 	assert_int_equal(wh_replay_write(&r->f.t.ctx, r->replay, &out, checksum), WH_OK);
 }
 
-static wh_mesh load(fixture *f, const char *path)
-{
-	wh_mesh m;
-	wh_spill spill = {0};
-	const wh_exec ex = {.workers = 1};
-	assert_int_equal(wh_spill_open(&f->t.ctx, &spill, f->temp, NULL), WH_OK);
-	assert_int_equal(wh_load_mesh(&f->t.ctx, &ex, &spill, path, WH_FORMAT_ANY, &m, NULL, NULL),
-	                 WH_OK);
-	wh_spill_close(&f->t.ctx, &spill);
-	return m;
-}
-
 /* A sum over the faces, from whichever corner they begin and in whichever order they are. */
 static uint64_t sum_of_faces(record *r, const char *path)
 {
 	uint64_t sum = 0;
-	wh_mesh m = load(&r->f, path);
+	wh_mesh m = load_mesh(&r->f, path);
 	for (uint32_t f = 0; f < m.nf; f++)
 		for (uint32_t k = 0; k < 3; k++) {
 			wh_vec3 at[3];
@@ -138,7 +126,7 @@ static void levels_are_the_same_from_both_sides_and_clean(void **state)
 	for (uint64_t i = 0; i <= STEPS; i++) {
 		wh_check found;
 		write_level(&r, i * r.info.splits / STEPS, r.level, up[i]);
-		wh_mesh m = load(&r.f, r.level);
+		wh_mesh m = load_mesh(&r.f, r.level);
 		wh_replay_tell(r.replay, &r.info);
 		assert_int_equal(m.nf, r.info.level_faces);
 		assert_int_equal(m.nv, r.info.level_vertices);

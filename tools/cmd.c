@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <sys/resource.h>
 
 /* The signal that asked to stop, 0 while none has: what every context's cancel points to. */
 static volatile sig_atomic_t stop_signal;
@@ -168,6 +168,21 @@ bool cmd_parse_percent(const char *text, double *share)
 	return true;
 }
 
+bool cmd_parse_memory(const char *text, size_t *bytes)
+{
+	int64_t n;
+	if (!cmd_parse_count(text, true, &n) || n < 1 << 20)
+		return false;
+	*bytes = (size_t)n;
+	return true;
+}
+
+bool cmd_parse_share(const char *text, double *share)
+{
+	return (cmd_parse_percent(text, share) || cmd_parse_real(text, share)) && *share > 0 &&
+	       *share <= 1;
+}
+
 bool cmd_parse_weld(const char *text, double *distance, double *share)
 {
 	if (cmd_parse_percent(text, share))
@@ -204,4 +219,22 @@ bool cmd_parse_real(const char *text, double *out)
 		return false;
 	*out = v;
 	return true;
+}
+
+size_t cmd_peak_rss(void)
+{
+	struct rusage u;
+	char line[128];
+	unsigned long kib = 0;
+	/* of this program alone; what getrusage says includes the process that it was started from
+	 */
+	FILE *f = fopen("/proc/self/status", "re");
+	while (f && kib == 0 && fgets(line, sizeof line, f))
+		if (strncmp(line, "VmHWM:", 6) == 0)
+			kib = strtoul(line + 6, NULL, 10);
+	if (f)
+		(void)fclose(f);
+	if (kib)
+		return (size_t)kib * 1024;
+	return getrusage(RUSAGE_SELF, &u) == 0 ? (size_t)u.ru_maxrss * 1024 : 0;
 }

@@ -49,6 +49,12 @@ int cmd_usage_error(const char *name, const char *fmt, ...) __attribute__((forma
  * when it is not such a number or does not fit in 63 bits. */
 bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 
+/* A ceiling of memory: a size of 1M or more. */
+bool cmd_parse_memory(const char *text, size_t *bytes);
+
+/* A share above 0, up to 1: "0.1", "10%". */
+bool cmd_parse_share(const char *text, double *share);
+
 /* True for the name of standard input or output; name may be NULL. */
 bool cmd_is_dash(const char *name);
 

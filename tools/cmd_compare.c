@@ -18,7 +18,8 @@ typedef struct options {
 	const char *seams, *reference, *temp_dir;
 	wh_format from;
 	bool json, quiet;
-	int64_t samples, seed, threads, memory;
+	int64_t samples, seed, threads;
+	size_t memory;
 } options;
 
 typedef struct results {
@@ -79,7 +80,7 @@ static int parse_option(const char *name, int opt, options *o)
 			return cmd_usage_error(name, "--samples must be 1 at least");
 		return WH_OK;
 	case 'm':
-		return cmd_parse_count(optarg, true, &o->memory) && o->memory >= 1 << 20
+		return cmd_parse_memory(optarg, &o->memory)
 		           ? WH_OK
 		           : cmd_usage_error(name, "\"%s\" is no size of 1M or more", optarg);
 	case 'd':
@@ -157,7 +158,7 @@ static wh_code compare_files(cmd_env *e, const options *o, results *r)
 	                             .samples = (uint64_t)o->samples,
 	                             .seed = (uint64_t)o->seed,
 	                             .temp_dir = o->temp_dir,
-	                             .memory = (size_t)o->memory,
+	                             .memory = o->memory,
 	                             .progress = progress_bar_tell,
 	                             .progress_user = &bar};
 	const wh_code code = wh_measure_files(&e->ctx, &e->exec, &p);

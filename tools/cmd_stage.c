@@ -62,7 +62,7 @@ typedef struct stage_options {
 	size_t stage; /* its place among the stages */
 	const char *run_dir, *temp_dir;
 	uint32_t part, parts, round; /* part from 1; 0: not given */
-	uint64_t memory;
+	size_t memory;
 	int threads; /* -1: not given */
 	bool quiet, verbose, no_progress, help;
 } stage_options;
@@ -94,7 +94,6 @@ static bool parse_part(const char *text, stage_options *o)
 static bool take_option(stage_options *o, int opt, const char *arg)
 {
 	uint32_t n = 0;
-	int64_t size;
 	switch (opt) {
 	case OPT_RUN_DIR:
 		o->run_dir = arg;
@@ -110,10 +109,7 @@ static bool take_option(stage_options *o, int opt, const char *arg)
 		o->threads = parse_number(arg, 0, 1024, &n) ? (int)n : -1;
 		return o->threads >= 0;
 	case OPT_MEMORY:
-		if (!cmd_parse_count(arg, true, &size) || size < 1 << 20)
-			return false;
-		o->memory = (uint64_t)size;
-		return true;
+		return cmd_parse_memory(arg, &o->memory);
 	case OPT_NO_PROGRESS:
 		return o->no_progress = true;
 	case 'q':
@@ -185,7 +181,7 @@ static void merge(const stage_options *o, const char *run_dir, const char *temp_
 	if (o->temp_dir)
 		p->temp_dir = temp_dir;
 	if (o->memory)
-		p->memory = (size_t)o->memory;
+		p->memory = o->memory;
 	if (o->threads >= 0)
 		p->threads = o->threads;
 	r->quiet = o->quiet;

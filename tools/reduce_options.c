@@ -229,9 +229,7 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		ok = reduce_parse_target(arg, &p->vertices, &p->vertex_ratio);
 		break;
 	case OPT_RATIO:
-		ok = (cmd_parse_percent(arg, &p->face_ratio) ||
-		      cmd_parse_real(arg, &p->face_ratio)) &&
-		     p->face_ratio > 0 && p->face_ratio <= 1;
+		ok = cmd_parse_share(arg, &p->face_ratio);
 		break;
 	case OPT_ERROR:
 		ok = reduce_parse_error(arg, &p->error, &p->error_share);
@@ -249,8 +247,7 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		ok = add_weight(o, arg);
 		break;
 	case OPT_MEMORY:
-		ok = parse_size(arg, true, &n) && n >= 1 << 20;
-		p->memory = (size_t)n;
+		ok = cmd_parse_memory(arg, &p->memory);
 		break;
 	case OPT_THREADS:
 		ok = parse_size(arg, false, &n) && n <= 1024;

@@ -9,26 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
-
-size_t cmd_peak_rss(void)
-{
-	struct rusage u;
-	char line[128];
-	unsigned long kib = 0;
-	/* of this program alone; what getrusage says includes the process that it was started from
-	 */
-	FILE *f = fopen("/proc/self/status", "re");
-	while (f && kib == 0 && fgets(line, sizeof line, f))
-		if (strncmp(line, "VmHWM:", 6) == 0)
-			kib = strtoul(line + 6, NULL, 10);
-	if (f)
-		(void)fclose(f);
-	if (kib)
-		return (size_t)kib * 1024;
-	return getrusage(RUSAGE_SELF, &u) == 0 ? (size_t)u.ru_maxrss * 1024 : 0;
-}
 
 double reduce_faces_per_second(const wh_reduce_report *r)
 {

@@ -3,8 +3,9 @@
 #include "cmd.h"
 #include "reduce_options.h"
 
+#include "io/outfile.h"
+
 #include <getopt.h>
-#include <string.h>
 
 enum {
 	OPT_VERTICES = 256,
@@ -34,21 +35,6 @@ static const struct option long_options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static bool parse_ratio(const char *text, double *share)
-{
-	return (cmd_parse_percent(text, share) || cmd_parse_real(text, share)) && *share > 0 &&
-	       *share <= 1;
-}
-
-static bool parse_memory(const char *text, size_t *memory)
-{
-	int64_t n;
-	if (!cmd_parse_count(text, true, &n) || n < 1 << 20)
-		return false;
-	*memory = (size_t)n;
-	return true;
-}
-
 /* False when the argument makes no sense. */
 static bool take_option(replay_options *o, int opt, const char *arg)
 {
@@ -62,7 +48,7 @@ static bool take_option(replay_options *o, int opt, const char *arg)
 	case OPT_VERTICES:
 		return reduce_parse_target(arg, &l->vertices, &l->vertex_ratio);
 	case OPT_RATIO:
-		return parse_ratio(arg, &l->face_ratio);
+		return cmd_parse_share(arg, &l->face_ratio);
 	case OPT_ERROR:
 		return reduce_parse_error(arg, &l->error, &l->error_share);
 	case OPT_TEXT:
@@ -72,7 +58,7 @@ static bool take_option(replay_options *o, int opt, const char *arg)
 		o->out.to = arg;
 		return true;
 	case OPT_MEMORY:
-		return parse_memory(arg, &o->memory);
+		return cmd_parse_memory(arg, &o->memory);
 	case OPT_ASCII:
 		return o->out.ascii = true;
 	case OPT_QUANTIZE:
@@ -121,7 +107,7 @@ int replay_options_parse(int argc, char **argv, replay_options *o)
 		return cmd_usage_error(argv[0], optind == argc ? "no record given"
 		                                               : "more than one record given");
 	o->input = argv[optind];
-	if (o->text && o->out.path && strcmp(o->text, o->out.path) == 0)
+	if (o->text && o->out.path && wh_outfile_same(o->text, o->out.path))
 		return cmd_usage_error(argv[0], "--text and --output are one file");
 	return WH_OK;
 }

@@ -28,7 +28,8 @@ size_t wh_progressive_play_bytes(const wh_pmesh *file, uint64_t level)
 	const uint64_t splits =
 	    blocks * WH_PMESH_BLOCK < h->splits ? blocks * WH_PMESH_BLOCK : h->splits;
 	const uint64_t faces = blocks ? file->part[blocks - 1].faces : h->base_faces;
-	const size_t split = sizeof(wh_vec3) + attr + 17 + 4 * (size_t)MOVED_EACH;
+	const size_t split =
+	    sizeof(wh_vec3) + attr + 4 * sizeof(uint32_t) + 1 + MOVED_EACH * sizeof(uint32_t);
 	const size_t vertex = sizeof(wh_vec3) + attr + 4;
 	return (size_t)(h->base_vertices + splits) * vertex + (size_t)splits * split +
 	       (size_t)faces * 24 + columns * WH_PMESH_BLOCK * 8 + ((size_t)2 << 20);

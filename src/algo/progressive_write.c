@@ -30,8 +30,8 @@ typedef struct writer {
 size_t wh_progressive_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes)
 {
 	/* pos, step, moved, rank, head, number; tri, tri, next, face, bits */
-	const size_t vertex = sizeof(wh_vec3) + sizeof(wh_progressive_step) + 32 +
-	                      2 * (size_t)attr_bytes,
+	const size_t vertex = sizeof(wh_vec3) + sizeof(wh_progressive_step) + sizeof(uint64_t) +
+	                      6 * sizeof(uint32_t) + 2 * (size_t)attr_bytes,
 	             face = 12 + 12 + 12 + 4 + 1;
 	return (size_t)nv * vertex + (size_t)nf * face + ((size_t)4 << 20);
 }

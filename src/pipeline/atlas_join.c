@@ -9,6 +9,7 @@
 
 #include "base/chunks.h"
 #include "io/attributes.h"
+#include "pipeline/plain.h"
 #include "pipeline/twins.h"
 
 #include <string.h>
@@ -46,9 +47,7 @@ typedef struct join {
 	uint64_t *map;                   /* old ids of the window to new ones */
 	uint8_t *corner;                 /* what the corners of the window's vertices have */
 	int corners_fd;                  /* of what is known between windows; -1 */
-	struct span {
-		uint64_t lo, hi; /* of the ids a chunk of faces waits for; lo > hi: none */
-	} * waits;
+	wh_plain_span *waits;            /* one for each chunk of faces */
 	wh_source *out;
 	uint64_t end; /* bytes of the output */
 	wh_atlas_result *result;
@@ -72,16 +71,6 @@ static void pick(const wh_attributes *all, const uint8_t *record, const wh_attri
 
 /* ---- vertices ----------------------------------------------------------------------------- */
 
-static unsigned char *put_position(const wh_source *out, unsigned char *to, const double *p)
-{
-	const float narrow[3] = {(float)p[0], (float)p[1], (float)p[2]};
-	if (out->is_double)
-		memcpy(to, p, 3 * sizeof *p);
-	else
-		memcpy(to, narrow, sizeof narrow);
-	return to + out->vstride;
-}
-
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const join *j = arg;
@@ -89,7 +78,6 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	hand *h = &j->hands[worker];
 	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&j->kept, first);
 	const size_t n = wh_chunk_items(s->nv, index, CHUNK), size = j->params->rest->bytes;
-	unsigned char *to = h->out;
 	size_t stay = 0;
 	wh_progress_add(j->progress, n);
 	if (wh_source_vertices(c, s, first, n, h->xyz, h->raw) != WH_OK ||
@@ -98,7 +86,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (size_t i = 0; i < n; i++) {
 		if (!wh_rank_get(&j->kept, first + i))
 			continue;
-		to = put_position(o, to, h->xyz + 3 * i);
+		wh_plain_put_position(o, h->out + stay * o->vstride, h->xyz + 3 * i);
 		pick(s->attributes, h->records + i * s->attributes->bytes, j->params->rest,
 		     h->rest + stay++ * size);
 	}
@@ -110,37 +98,12 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	            : WH_OK;
 }
 
-/* How the output is laid out, given how many vertices stay. */
-static void lay_out(join *j, uint64_t nv, int fd)
-{
-	const wh_source *s = j->source;
-	const wh_attributes *rest = j->params->rest;
-	const wh_type type = s->is_double ? WH_F64 : WH_F32;
-	wh_source *o = j->out;
-	*o = (wh_source){.path = s->path,
-	                 .nv = nv,
-	                 .vfd = fd,
-	                 .vstride = 3 * wh_type_size(type),
-	                 .is_double = s->is_double,
-	                 .attributes = rest->n ? rest : NULL,
-	                 .afd = fd,
-	                 .wedges = j->params->wedges,
-	                 .ffd = fd,
-	                 .count_off = -1,
-	                 .itype = nv > UINT32_MAX ? WH_U64 : WH_U32};
-	for (uint32_t i = 0; i < 3; i++) {
-		o->vtype[i] = type;
-		o->voff[i] = i * wh_type_size(type);
-	}
-	o->abase = nv * o->vstride;
-	o->fbase = o->abase + nv * rest->bytes;
-	o->fstride = 3 * wh_type_size(o->itype) + o->wedges->bytes;
-	j->end = o->fbase;
-}
-
 static wh_code write_vertices(wh_ctx *c, const wh_exec *ex, join *j, int fd)
 {
-	lay_out(j, wh_rank_count(&j->kept), fd);
+	const wh_attributes *rest = j->params->rest;
+	wh_plain_lay_out(j->out, j->source, wh_rank_count(&j->kept), rest->n ? rest : NULL,
+	                 j->params->wedges, fd);
+	j->end = j->out->fbase;
 	j->result->joined = j->source->nv - j->out->nv;
 	wh_progress_phase(j->progress, "join vertices", j->source->nv);
 	return wh_exec_for(c, ex, wh_chunks(j->source->nv, CHUNK), vertex_job, j);
@@ -188,11 +151,6 @@ static wh_code load_window(wh_ctx *c, const wh_exec *ex, join *j, uint64_t w)
 
 /* ---- corners ------------------------------------------------------------------------------ */
 
-static bool is_degenerate(const uint64_t *t)
-{
-	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
-}
-
 static uint8_t *carried_by(const join *j, const hand *h, size_t face)
 {
 	return h->carried + face * j->params->wedges->bytes;
@@ -232,7 +190,7 @@ static wh_code read_faces(wh_ctx *c, const join *j, hand *h, int64_t index, size
 		return code;
 	for (size_t i = 0; i < all; i++) {
 		const uint64_t *t = h->ids + 3 * i;
-		if (is_degenerate(t))
+		if (wh_plain_is_degenerate(t))
 			continue;
 		for (size_t k = 0; k < 3; k++)
 			h->ids[3 * *n + k] = t[k] | PENDING;
@@ -270,15 +228,10 @@ static wh_code write_corners(wh_ctx *c, const join *j, const hand *h, int64_t in
 	const uint64_t head[2] = {n, h->degenerate};
 	const size_t bytes = n * 3 * sizeof *h->ids;
 	uint64_t at = corners_at(j, index);
-	struct span *s = &j->waits[index];
-	*s = (struct span){UINT64_MAX, 0};
-	for (size_t i = 0; i < 3 * n; i++) {
-		const uint64_t id = h->ids[i] & ~PENDING;
-		if (!(h->ids[i] & PENDING))
-			continue;
-		s->lo = id < s->lo ? id : s->lo;
-		s->hi = id > s->hi ? id : s->hi;
-	}
+	j->waits[index] = wh_plain_no_span();
+	for (size_t i = 0; i < 3 * n; i++)
+		if (h->ids[i] & PENDING)
+			wh_plain_span_add(&j->waits[index], h->ids[i] & ~PENDING);
 	if (wh_spill_pwrite(c, j->spill, j->corners_fd, head, sizeof head, at) != WH_OK)
 		return c->err.code;
 	at += sizeof head;
@@ -304,27 +257,13 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	hand *h = &j->hands[worker];
 	size_t n = 0;
 	wh_progress_add(j->progress, wh_chunk_items(j->source->nf, index, CHUNK));
-	if (j->first > 0 &&
-	    (j->waits[index].hi < j->first || j->waits[index].lo >= j->first + j->window))
+	if (j->first > 0 && wh_plain_span_misses(&j->waits[index], j->first, j->window))
 		return WH_OK;
 	const wh_code code = get_faces(c, j, h, index, &n);
 	return code == WH_OK ? write_corners(c, j, h, index, n) : code;
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
-
-static void put_face(const join *j, hand *h, size_t face)
-{
-	const wh_source *o = j->out;
-	const uint64_t *t = h->ids + 3 * face;
-	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
-	unsigned char *to = h->out + h->out_n++ * o->fstride;
-	if (o->itype == WH_U32)
-		memcpy(to, narrow, sizeof narrow);
-	else
-		memcpy(to, t, 3 * sizeof *t);
-	memcpy(to + o->fstride - o->wedges->bytes, carried_by(j, h, face), o->wedges->bytes);
-}
 
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
@@ -334,10 +273,11 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const wh_code code = get_faces(c, j, h, index, &n);
 	h->out_n = 0;
 	for (size_t i = 0; code == WH_OK && i < n; i++) {
-		if (is_degenerate(h->ids + 3 * i))
+		if (wh_plain_is_degenerate(h->ids + 3 * i))
 			h->degenerate++;
 		else
-			put_face(j, h, i);
+			wh_plain_put_face(j->out, h->out + h->out_n++ * j->out->fstride,
+			                  h->ids + 3 * i, carried_by(j, h, i));
 	}
 	return code;
 }
@@ -416,7 +356,7 @@ static uint64_t least_window(const wh_source *s)
 /* Copies are found before anything else is held. */
 static size_t bytes_of(const wh_source *s, const wh_wedges *w, int workers, uint64_t window)
 {
-	const size_t spans = (size_t)wh_chunks(s->nf, CHUNK) * sizeof(struct span);
+	const size_t spans = (size_t)wh_chunks(s->nf, CHUNK) * sizeof(wh_plain_span);
 	const size_t twins = wh_twins_bytes(s, workers, window);
 	const size_t own = (size_t)window * (sizeof(uint64_t) + w->corner.bytes) + spans +
 	                   (size_t)workers * hand_bytes(s, w);

@@ -17,6 +17,7 @@
 #include "io/attributes.h"
 #include "io/wedges.h"
 #include "pipeline/near.h"
+#include "pipeline/plain.h"
 
 #include <math.h>
 #include <string.h>
@@ -60,9 +61,7 @@ typedef struct clean {
 	uint64_t window, windows, first; /* first id of the window at hand */
 	uint64_t *map;                   /* old ids of the window to new ones */
 	int corners_fd;                  /* of what is known between windows; -1 */
-	struct span {
-		uint64_t lo, hi; /* of the ids a chunk of faces waits for; lo > hi: none */
-	} * waits;
+	wh_plain_span *waits;            /* one for each chunk of faces */
 	wh_source *out;
 	uint64_t end; /* bytes of the output */
 } clean;
@@ -141,16 +140,6 @@ static wh_code weld(wh_ctx *c, const wh_exec *ex, clean *k)
 
 /* ---- vertices ----------------------------------------------------------------------------- */
 
-static unsigned char *put_position(const wh_source *out, unsigned char *to, const double *p)
-{
-	const float narrow[3] = {(float)p[0], (float)p[1], (float)p[2]};
-	if (out->is_double)
-		memcpy(to, p, 3 * sizeof *p);
-	else
-		memcpy(to, narrow, sizeof narrow);
-	return to + out->vstride;
-}
-
 /* Those of a chunk that stay lie side by side in the output, and so do their attributes. */
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
@@ -159,7 +148,6 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&k->kept, first);
 	const size_t n = wh_chunk_items(k->source->nv, index, CHUNK);
 	const size_t record = k->out->attributes ? k->out->attributes->bytes : 0;
-	unsigned char *to = h->out;
 	size_t stay = 0;
 	wh_progress_add(k->progress, n);
 	if (wh_source_vertices(c, k->source, first, n, h->xyz, h->raw) != WH_OK ||
@@ -168,7 +156,7 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (size_t i = 0; i < n; i++) {
 		if (!wh_rank_get(&k->kept, first + i))
 			continue;
-		to = put_position(k->out, to, h->xyz + 3 * i);
+		wh_plain_put_position(k->out, h->out + stay * k->out->vstride, h->xyz + 3 * i);
 		if (record && stay != i)
 			memmove(h->records + stay * record, h->records + i * record, record);
 		stay++;
@@ -181,36 +169,11 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	              : WH_OK;
 }
 
-/* How the output is laid out, given how many vertices stay. */
-static void lay_out(clean *k, uint64_t nv, int fd)
-{
-	const wh_source *s = k->source;
-	wh_source *o = k->out;
-	*o = (wh_source){.path = s->path,
-	                 .nv = nv,
-	                 .vfd = fd,
-	                 .is_double = s->is_double,
-	                 .attributes = s->attributes,
-	                 .wedges = s->wedges,
-	                 .afd = fd,
-	                 .ffd = fd,
-	                 .count_off = -1,
-	                 .itype = nv > UINT32_MAX ? WH_U64 : WH_U32};
-	const wh_type type = s->is_double ? WH_F64 : WH_F32;
-	for (uint32_t i = 0; i < 3; i++) {
-		o->vtype[i] = type;
-		o->voff[i] = i * wh_type_size(type);
-	}
-	o->vstride = 3 * wh_type_size(type);
-	o->abase = nv * o->vstride;
-	o->fbase = o->abase + nv * (s->attributes ? s->attributes->bytes : 0);
-	o->fstride = 3 * wh_type_size(o->itype) + (s->wedges ? s->wedges->bytes : 0);
-	k->end = o->fbase;
-}
-
 static wh_code write_vertices(wh_ctx *c, const wh_exec *ex, clean *k, int fd)
 {
-	lay_out(k, wh_rank_of(&k->kept, k->source->nv), fd);
+	const wh_source *s = k->source;
+	wh_plain_lay_out(k->out, s, wh_rank_of(&k->kept, s->nv), s->attributes, s->wedges, fd);
+	k->end = k->out->fbase;
 	wh_progress_phase(k->progress, "clean vertices", k->source->nv);
 	k->result->bytes_read += k->source->nv * k->source->vstride;
 	return wh_exec_for(c, ex, wh_chunks(k->source->nv, CHUNK), vertex_job, k);
@@ -247,11 +210,6 @@ static uint64_t resolve(const clean *k, uint64_t id)
 	return k->map[id - k->first];
 }
 
-static bool is_degenerate(const uint64_t *t)
-{
-	return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
-}
-
 static bool is_pending(uint64_t id)
 {
 	return id & PENDING && id < NO_FACE;
@@ -271,7 +229,7 @@ static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, siz
 		return code;
 	for (size_t i = 0; i < n; i++) {
 		uint64_t *t = h->ids + 3 * i;
-		const bool none = is_degenerate(t);
+		const bool none = wh_plain_is_degenerate(t);
 		for (int corner = 0; corner < 3; corner++)
 			t[corner] = none ? NO_FACE : resolve(k, t[corner]);
 	}
@@ -297,15 +255,10 @@ static wh_code read_corners(wh_ctx *c, const clean *k, hand *h, int64_t index, s
 
 static wh_code write_corners(wh_ctx *c, const clean *k, const hand *h, int64_t index, size_t n)
 {
-	struct span *s = &k->waits[index];
-	*s = (struct span){UINT64_MAX, 0};
-	for (size_t i = 0; i < 3 * n; i++) {
-		if (!is_pending(h->ids[i]))
-			continue;
-		const uint64_t id = h->ids[i] & ~PENDING;
-		s->lo = id < s->lo ? id : s->lo;
-		s->hi = id > s->hi ? id : s->hi;
-	}
+	k->waits[index] = wh_plain_no_span();
+	for (size_t i = 0; i < 3 * n; i++)
+		if (is_pending(h->ids[i]))
+			wh_plain_span_add(&k->waits[index], h->ids[i] & ~PENDING);
 	return wh_spill_pwrite(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
 	                       corners_at(index));
 }
@@ -316,8 +269,7 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	hand *h = &k->hands[worker];
 	const size_t n = wh_chunk_items(k->source->nf, index, CHUNK);
 	wh_progress_add(k->progress, n);
-	if (k->first > 0 &&
-	    (k->waits[index].hi < k->first || k->waits[index].lo >= k->first + k->window))
+	if (k->first > 0 && wh_plain_span_misses(&k->waits[index], k->first, k->window))
 		return WH_OK;
 	const wh_code code =
 	    k->first == 0 ? read_faces(c, k, h, index, n) : read_corners(c, k, h, index, n);
@@ -325,19 +277,6 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
-
-static void put_face(const wh_source *out, unsigned char *to, const uint64_t *t,
-                     const unsigned char *carried)
-{
-	const uint32_t narrow[3] = {(uint32_t)t[0], (uint32_t)t[1], (uint32_t)t[2]};
-	const size_t corners = 3 * (size_t)wh_type_size(out->itype);
-	if (out->itype == WH_U32)
-		memcpy(to, narrow, sizeof narrow);
-	else
-		memcpy(to, t, 3 * sizeof *t);
-	if (out->fstride > corners)
-		memcpy(to + corners, carried, out->fstride - corners);
-}
 
 /* The corners of a chunk in the last window; h->raw has what the faces carry, if they do. */
 static wh_code last_look(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
@@ -368,11 +307,11 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 			h->found.degenerate_faces++;
 		else if (t[0] == GONE || t[1] == GONE || t[2] == GONE)
 			h->found.invalid_faces++;
-		else if (is_degenerate(t))
+		else if (wh_plain_is_degenerate(t))
 			h->found.collapsed_faces++;
 		else
-			put_face(k->out, h->out + h->out_n++ * k->out->fstride, t,
-			         carried + i * each);
+			wh_plain_put_face(k->out, h->out + h->out_n++ * k->out->fstride, t,
+			                  carried + i * each);
 	}
 	return code;
 }
@@ -436,7 +375,7 @@ static size_t hand_bytes(const wh_source *s)
 static size_t window_bytes(const wh_source *s, const wh_clean_params *p, uint64_t window)
 {
 	return (p->weld ? (size_t)window * sizeof(uint64_t) : 0) +
-	       (window < s->nv ? (size_t)wh_chunks(s->nf, CHUNK) * sizeof(struct span) : 0);
+	       (window < s->nv ? (size_t)wh_chunks(s->nf, CHUNK) * sizeof(wh_plain_span) : 0);
 }
 
 static uint64_t least_window(const wh_source *s)

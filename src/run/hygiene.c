@@ -1,7 +1,8 @@
 /*
  * What goes before anything is reduced: vertices that are not finite or near others, by cleaning
- * the source before it is ingested; copies of faces and small components, by sifting the clusters
- * after it. Both are part of the step that reads the input. The counts of the input in the report
+ * the source before it is ingested, or copies of vertices along the borders of charts, by joining
+ * them; copies of faces and small components, by sifting the clusters after it. All are part of the
+ * step that reads the input. The counts of the input in the report
  * are those of the file; so are shares that the user asks for.
  */
 #include "run/run.h"

@@ -104,11 +104,13 @@ typedef struct record {
 	double unscale;
 } record;
 
-static wh_code make_room(wh_ctx *c, record *k, uint64_t nf, uint64_t steps)
+static bool make_room(wh_ctx *c, record *k, uint64_t nf, uint64_t steps)
 {
 	wh_progressive_run *run = &k->run;
-	if (nf >= UINT32_MAX / 4 || steps >= UINT32_MAX)
-		return wh_fail(c, WH_E_PLAN, "too many faces to be recorded");
+	if (nf >= UINT32_MAX / 4 || steps >= UINT32_MAX) {
+		(void)wh_fail(c, WH_E_PLAN, "too many faces to be recorded");
+		return false;
+	}
 	run->nf = (uint32_t)nf;
 	run->pos = wh_alloc(c, run->nv, sizeof *run->pos);
 	run->tri = wh_alloc(c, 3 * (size_t)nf, sizeof *run->tri);
@@ -118,9 +120,7 @@ static wh_code make_room(wh_ctx *c, record *k, uint64_t nf, uint64_t steps)
 		run->step_attr = wh_alloc(c, (size_t)steps, run->attr_bytes);
 	}
 	return run->pos && run->tri && run->step &&
-	               (run->attr_bytes == 0 || (run->attr && run->step_attr))
-	           ? WH_OK
-	           : wh_failed(c);
+	       (run->attr_bytes == 0 || (run->attr && run->step_attr));
 }
 
 /* Appends a cluster's faces, and puts its vertices where their global ids say. */
@@ -131,7 +131,7 @@ static wh_code add_cluster(wh_ctx *c, record *k, const wh_patch *p, uint32_t *nf
 	if (p->nf > run->nf - *nf)
 		return wh_fail(c, WH_E_RUN, "a temporary file has too many faces");
 	for (uint32_t v = 0; v < p->nv; v++) {
-		if (!run->pos || p->gid[v] >= run->nv)
+		if (p->gid[v] >= run->nv)
 			return wh_fail(c, WH_E_RUN, "a temporary file has a vertex too many");
 		run->pos[p->gid[v]] = wh_scale(p->pos[v], k->unscale);
 		if (n)
@@ -187,9 +187,10 @@ static wh_code load_all(wh_ctx *c, record *k)
 {
 	uint64_t max_v, max_f, faces, vertices, steps;
 	if (wh_round_extent(c, &k->r->origin, &max_v, &max_f, &faces, &vertices) != WH_OK ||
-	    wh_sequence_count(c, &k->r->sequence, &steps) != WH_OK ||
-	    make_room(c, k, faces, steps) != WH_OK || load_mesh(c, k) != WH_OK)
+	    wh_sequence_count(c, &k->r->sequence, &steps) != WH_OK)
 		return c->err.code;
+	if (!make_room(c, k, faces, steps) || load_mesh(c, k) != WH_OK)
+		return wh_failed(c);
 	return wh_sequence_each(c, &k->r->sequence, add_step, k);
 }
 

@@ -11,6 +11,7 @@
  *     record.c   a run whose collapses are kept: progressive meshes
  *     share.c    runs that several processes share: what a part does, and how parts are joined
  *     levels.c   several results: which one is next, what became of it
+ *     replay.c   no reduction: what record.c left, played for the caller
  *     resume.c   the folder of a run that can be resumed, and what is done of it
  *
  * Each stage keeps its time in the report and takes the memory that the budget leaves. What the

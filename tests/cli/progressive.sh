@@ -16,6 +16,7 @@ expect 0 "$w" replay one.pmesh -o base.ply --faces 700 -f
 cmp -s direct.ply base.ply || fail "the base of one cluster is not what reduce leaves"
 expect 0 "$w" replay a.pmesh -o - --ratio 0.25 -q
 head -1 out | grep -q '^ply' || fail "no mesh on standard output"
+expect 2 "$w" replay a.pmesh --text ./same -o same -f
 expect 0 "$w" replay a.pmesh --text lines --faces 5000 -o some.obj
 [ "$(grep -c '^v ' some.obj)" -gt 2000 ] || fail "the level has too few vertices"
 all=$(head -1 lines | cut -d' ' -f1)

@@ -215,6 +215,20 @@ if command -v xxh128sum >/dev/null; then
 	sum=$(xxh128sum c.ply | cut -d' ' -f1)
 	grep -q "$sum" report.json || fail "the checksum is not that of the bytes"
 fi
+# one file, however it is spelled: nothing is begun
+mkdir -p other && ln -sf ../never.ply other/link.ply
+for same in ./never.ply "$PWD/never.ply" other/../never.ply other/link.ply; do
+	expect 2 "$WHITTLE" reduce in.ply -f -o never.ply --faces 1K --report "$same"
+	expect 2 "$WHITTLE" reduce in.ply -f -o never.ply --faces 1K --seams "$same"
+	[ ! -e never.ply ] || fail "a file that is two outputs was written: $same"
+done
+expect 2 "$WHITTLE" reduce in.ply -f -o never.ply --faces 1K --report r.json --seams ./r.json
+expect 2 "$WHITTLE" reduce in.ply -f -o never.ply --levels 900,500 --report ./never-500.ply
+rm -r other
+# what comes through a pipe is no report, and is not waited for
+mkfifo pipe
+expect 3 timeout 20 "$WHITTLE" report in.ply in.ply --json pipe -o never.html -q
+rm pipe
 expect 1 "$WHITTLE" reduce in.ply -o never.ply --faces 1K --report missing/report.json
 grep -q 'missing' err || fail "the report's folder is not named: $(cat err)"
 [ ! -e never.ply ] || fail "all the work for a report that cannot be written"
