@@ -194,6 +194,74 @@ static void tree_bears_coincident_triangles(void **state)
 	testing_done(&t);
 }
 
+/* n triangles, one like the other but for a jitter, and n small ones all over the plane above. */
+static wh_mesh heap_mesh(testing_env *t, uint32_t n, double size, double jitter)
+{
+	const wh_vec3 shape[3] = {{0.1, 0.2, 0.5}, {0.9, 0.3, 0.6}, {0.4, 0.8, 0.1}};
+	wh_rng g = wh_rng_seed(3);
+	wh_mesh m;
+	assert_int_equal(wh_mesh_alloc(&t->ctx, &m, 6 * n, 2 * n), WH_OK);
+	for (uint32_t i = 0; i < 6 * n; i++) {
+		const bool heap = i < 3 * n;
+		const wh_vec3 at = random_point(&g), from = i % 3 ? m.pos[i - i % 3] : at;
+		m.pos[i] = heap ? wh_add(wh_scale(shape[i % 3], size), wh_scale(at, jitter))
+		                : wh_v3(from.x + 0.01 * at.x, from.y + 0.01 * at.y, 0.8);
+		m.tri[i] = i;
+	}
+	return m;
+}
+
+/* Queries at random and at the vertices look at no more than `most` faces each, and are off by no
+ * more than `slack`. */
+static void few_faces_are_tried(testing_env *t, const wh_mesh *m, uint64_t most, double slack)
+{
+	enum { QUERIES = 200 };
+	wh_bvh tree = make_tree(t, m, true);
+	wh_bvh_reader reader;
+	wh_rng g = wh_rng_seed(4);
+	wh_bvh_face near = {WH_NONE, 0};
+	assert_int_equal(wh_bvh_reader_open(&t->ctx, &reader, &tree, 0, true), WH_OK);
+	for (uint32_t i = 0; i < QUERIES; i++) {
+		const wh_vec3 at = i % 2 ? m->pos[i] : random_point(&g);
+		const wh_vec3 p = wh_frame_local(&tree.frame, at);
+		const double least = sqrt(brute_force(m, &tree.frame, p));
+		double d2;
+		assert_int_equal(wh_bvh_nearest(&t->ctx, &reader, p, &near, &d2), WH_OK);
+		assert_true(fabs(sqrt(d2) - least) <= slack);
+	}
+	assert_true(reader.tried <= most * QUERIES);
+	wh_bvh_reader_close(&t->ctx, &reader);
+	wh_bvh_free(&t->ctx, &tree);
+}
+
+/* ... in any number of pages, and however they share their corners. */
+static void copies_of_a_triangle_are_tried_once(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	for (double size = 1; size >= 0; size--) { /* of no area, too */
+		wh_mesh m = heap_mesh(&t, 5000, size, 0);
+		few_faces_are_tried(&t, &m, 10, 1e-12);
+		for (uint32_t i = 0; i < 9000; i++)
+			m.tri[i] = (i + i / 3) % 3;
+		few_faces_are_tried(&t, &m, 10, 1e-12);
+		wh_mesh_free(&t.ctx, &m);
+	}
+	testing_done(&t);
+}
+
+static void a_heap_that_floats_take_for_a_point_is_left_early(void **state)
+{
+	(void)state;
+	testing_env t;
+	testing_init(&t);
+	wh_mesh m = heap_mesh(&t, 5000, 1e-10, 1e-10);
+	few_faces_are_tried(&t, &m, 300, 0x1p-18);
+	wh_mesh_free(&t.ctx, &m);
+	testing_done(&t);
+}
+
 /* Every face once, in pages whose boxes hold it; every referenced vertex is some page's own, once.
  */
 static void tree_keeps_all_faces(void **state)
@@ -684,6 +752,8 @@ int main(void)
 	    cmocka_unit_test(distance_matches_a_dense_search),
 	    cmocka_unit_test(tree_finds_the_nearest_of_random_triangles),
 	    cmocka_unit_test(tree_bears_coincident_triangles),
+	    cmocka_unit_test(copies_of_a_triangle_are_tried_once),
+	    cmocka_unit_test(a_heap_that_floats_take_for_a_point_is_left_early),
 	    cmocka_unit_test(tree_keeps_all_faces),
 	    cmocka_unit_test(shifted_plane_is_as_far_as_the_shift),
 	    cmocka_unit_test(identical_meshes_are_at_distance_zero),

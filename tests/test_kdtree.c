@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 typedef struct fixture {
 	testing_env t;
@@ -221,6 +222,23 @@ static void a_few_places_are_balanced(void **state)
 	}
 }
 
+/* A row whose ends are no ends of it: the medians of three that a selection begins with are bad,
+ * one after the other. */
+static void a_sorted_row_with_strays_takes_no_longer(void **state)
+{
+	(void)state;
+	fixture f;
+	room(&f, 600000);
+	for (size_t i = 0; i < f.n; i++)
+		f.point[i] = wh_v3((double)i, 0, 0);
+	f.point[0] = f.point[f.n - 1] = wh_v3(1e7, 0, 0);
+	const clock_t start = clock();
+	build(&f, 32, 0.4);
+	assert_true(clock() - start < 10 * CLOCKS_PER_SEC);
+	balanced(&f, 0.7, 1.4);
+	drop(&f);
+}
+
 static void fewer_points_than_cells_are_no_trouble(void **state)
 {
 	(void)state;
@@ -297,6 +315,7 @@ int main(void)
 	    cmocka_unit_test(heaps_are_shared_out_like_everything_else),
 	    cmocka_unit_test(a_heap_with_outliers_is_balanced),
 	    cmocka_unit_test(a_few_places_are_balanced),
+	    cmocka_unit_test(a_sorted_row_with_strays_takes_no_longer),
 	    cmocka_unit_test(fewer_points_than_cells_are_no_trouble),
 	    cmocka_unit_test(the_same_points_give_the_same_tree),
 	    cmocka_unit_test(cells_are_numbered_each_once),

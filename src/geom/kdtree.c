@@ -1,10 +1,13 @@
 #include "geom/kdtree.h"
 
+#include "base/rng.h"
+
 #include <math.h>
 
 enum {
 	PROBES = 257, /* points looked at to choose an axis */
-	PLACES = 64   /* places tried for a cut that keeps away from others' points */
+	PLACES = 64,  /* places tried for a cut that keeps away from others' points */
+	STEPS = 64    /* of a selection: more than any but a bad row of points takes */
 };
 
 /* Within so large a share of a node's points a cut is moved to keep away from others. */
@@ -88,16 +91,25 @@ static void swap_points(wh_kdpoint *a, wh_kdpoint *b)
 	*b = t;
 }
 
+/* The median of both ends and the middle; after many steps, which a sorted row with a stray point
+ * at its end takes, of three places anywhere. It is never the only largest. */
+static double pick_pivot(const wh_kdpoint *point, size_t n, uint32_t axis, uint32_t step)
+{
+	size_t at[3] = {0, (n - 1) / 2, n - 1};
+	for (size_t k = 0; k < 3 && step > STEPS && n >= 3; k++)
+		at[k] = k * (n / 3) + wh_mix64(3 * (uint64_t)step + k) % (n / 3);
+	const double a = axis_of(&point[at[0]], axis), b = axis_of(&point[at[1]], axis);
+	return fmax(fmin(a, b), fmin(fmax(a, b), axis_of(&point[at[2]], axis)));
+}
+
 /* Reorders so that point[rank] has the rank-th smallest coordinate, smaller ones before it and
- * larger ones after (Hoare's selection). The median of three as pivot is never the only largest,
- * so both parts of a partition are shorter than the whole. */
+ * larger ones after (Hoare's selection). As the pivot is never the only largest, both parts of a
+ * partition are shorter than the whole. */
 static void select_rank(wh_kdpoint *point, size_t n, size_t rank, uint32_t axis)
 {
 	size_t lo = 0, hi = n - 1;
-	while (lo < hi) {
-		const double a = axis_of(&point[lo], axis), d = axis_of(&point[hi], axis);
-		const double b = axis_of(&point[lo + (hi - lo) / 2], axis);
-		const double pivot = fmax(fmin(a, b), fmin(fmax(a, b), d));
+	for (uint32_t step = 0; lo < hi; step++) {
+		const double pivot = pick_pivot(point + lo, hi - lo + 1, axis, step);
 		size_t i = lo, j = hi;
 		for (;;) {
 			while (axis_of(&point[i], axis) < pivot)

@@ -12,6 +12,10 @@
  * and a box is left out that is nearer by less than 2^-40 of the distance. So no query takes more
  * than some pages. Distances to faces are doubles.
  *
+ * Thousands of faces at one place, in a ball that floats take for a point, have one distance in the
+ * same way. A query that has tried 256 faces leaves out what is nearer by less than floats can
+ * tell. Copies of one triangle, which no box tells apart, are looked at once.
+ *
  * Points come in spatial order mostly. So a reader also remembers the leaves around one of them:
  * while the next ones, and the spheres in which their nearest faces must be, are inside that
  * neighbourhood, its few boxes stand for the tree.
@@ -37,6 +41,12 @@
 
 /* Of a distance: what is too little to look for, far out. */
 #define FAR_SLACK 0x1p-40
+
+/* Of coordinates and distances: what is too little to look for near the bulk, once ... */
+#define FLOAT_SLACK 0x1p-20
+
+/* ... so many faces have been tried, as floats tell too few of them apart. */
+enum { MANY = 256 };
 
 /* Up to here a query is near the bulk, whose coordinates are about 1, ... */
 static const double NEAR = 8;
@@ -127,25 +137,40 @@ static wh_vec3 record_sub(const wh_bvh *t)
 	return wh_scale(t->frame.origin, t->frame.scale);
 }
 
-static void fill_nodes(wh_bvh *t)
+/* Boxes of pages: none for one whose faces are all copies of those of an earlier one. */
+static void fill_lowest(wh_bvh *t)
 {
 	const double mul = record_mul(t);
 	const wh_vec3 sub = record_sub(t);
-	uint32_t children = t->pages;
-	for (int level = 0; level < t->levels; level++) {
+	const uint32_t slots = wh_boxes_over(t->pages) * WH_BOXES;
+	uint64_t copies = 0; /* of the last page of copies */
+	for (uint32_t i = 0; i < slots; i++) {
+		wh_boxes *n = &t->nodes[i / WH_BOXES];
+		const wh_page_entry *e = &t->entry[i];
+		if (i >= t->pages || (e->copies && e->copies == copies)) {
+			wh_boxes_set_missing(n, i % WH_BOXES);
+			continue;
+		}
+		wh_boxes_set(n, i % WH_BOXES, wh_sub(wh_scale(e->lo, mul), sub),
+		             wh_sub(wh_scale(e->hi, mul), sub));
+		copies = e->copies ? e->copies : copies;
+	}
+}
+
+static void fill_nodes(wh_bvh *t)
+{
+	uint32_t children = wh_boxes_over(t->pages);
+	fill_lowest(t);
+	for (int level = 1; level < t->levels; level++) {
 		wh_boxes *node = t->nodes + t->first[level];
 		const uint32_t nodes = wh_boxes_over(children);
 		for (uint32_t i = 0; i < nodes * WH_BOXES; i++) {
 			wh_boxes *n = &node[i / WH_BOXES];
-			if (i >= children)
-				wh_boxes_set_missing(n, i % WH_BOXES);
-			else if (level == 0)
-				wh_boxes_set(n, i % WH_BOXES,
-				             wh_sub(wh_scale(t->entry[i].lo, mul), sub),
-				             wh_sub(wh_scale(t->entry[i].hi, mul), sub));
-			else
+			if (i < children)
 				wh_boxes_set_child(n, i % WH_BOXES,
 				                   t->nodes + t->first[level - 1] + i);
+			else
+				wh_boxes_set_missing(n, i % WH_BOXES);
 		}
 		children = nodes;
 	}
@@ -426,20 +451,40 @@ typedef struct query {
 	float lo[3], hi[3]; /* the box around p; near ones only */
 	double best;        /* squared distance of the nearest face so far */
 	double limit;       /* bounds from here on cannot be nearer than best */
+	uint32_t tried;     /* faces so far */
 	wh_bvh_face face;
 	todo stack[TODO_MAX]; /* nearest on top within the children of one node */
 	int depth;
 } query;
 
+/* What is too little to look for after many faces: more than boxes of floats can tell. */
+static double patient_limit(const query *q)
+{
+	const double d = sqrt(q->best), slack = wh_largest_coordinate(q->p) + d;
+	const double less = fmax(d - slack * FLOAT_SLACK, 0);
+	return less * less;
+}
+
+static void set_limit(query *q)
+{
+	if (q->far)
+		q->limit = q->best * (1 - FAR_SLACK);
+	else
+		q->limit = q->tried < MANY ? q->best * (1 + BOUND_SLACK) : patient_limit(q);
+}
+
 static void try_face(query *q, uint32_t page, const wh_page *g, uint32_t face)
 {
 	const uint16_t *t = g->tri + 3 * (size_t)face;
 	const double d = wh_tri_dist2(q->p, g->pos[t[0]], g->pos[t[1]], g->pos[t[2]]);
-	if (d >= q->best)
-		return;
-	q->best = d;
-	q->face = (wh_bvh_face){page, face};
-	q->limit = q->far ? d * (1 - FAR_SLACK) : d * (1 + BOUND_SLACK);
+	const bool many = ++q->tried == MANY;
+	if (d < q->best) {
+		q->best = d;
+		q->face = (wh_bvh_face){page, face};
+		set_limit(q);
+	} else if (many) {
+		set_limit(q);
+	}
 }
 
 /* Four floats in one register, and four truths: all bits set or none. */
@@ -581,6 +626,7 @@ static void start(query *q, wh_vec3 p, bool far)
 		q->hi[k] = x + slack;
 	}
 	q->best = q->limit = INFINITY;
+	q->tried = 0;
 	q->face = (wh_bvh_face){0, 0};
 	q->depth = 0;
 }
@@ -811,9 +857,11 @@ wh_code wh_bvh_nearest(wh_ctx *c, wh_bvh_reader *r, wh_vec3 p, wh_bvh_face *near
 	wh_code code = try_guess(c, r, near, &q);
 	if (code == WH_OK)
 		code = q.far ? search(c, r, &q) : nearest_near(c, r, &q);
+	r->tried += q.tried;
 	if (code == WH_OK && !q.far && !(q.best < FLOATS_MOST)) { /* all is far away */
 		start(&q, p, true);
 		code = search(c, r, &q);
+		r->tried += q.tried;
 	}
 	*near = q.face;
 	*d2 = q.best;

@@ -104,6 +104,7 @@ typedef struct wh_bvh_reader {
 	uint8_t *record;
 	uint32_t filled, hand;
 	uint64_t fetched; /* pages so far */
+	uint64_t tried;   /* faces whose distance was found so far */
 	wh_bvh_around around;
 } wh_bvh_reader;
 
@@ -133,7 +134,7 @@ typedef struct wh_bvh_face {
  * each other in space are faster. Which of several faces at one distance it is depends on the
  * surface and the points since the first one alone. Far out, where boxes
  * tell faces apart no better than their distances do, the distance may be up to 2^-41 of it too
- * large.
+ * large; amid thousands of faces that floats take for a point, up to 2^-20 of the bulk's size.
  */
 wh_code wh_bvh_nearest(wh_ctx *c, wh_bvh_reader *r, wh_vec3 p, wh_bvh_face *near, double *d2);
 

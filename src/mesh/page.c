@@ -1,5 +1,7 @@
 #include "mesh/page.h"
 
+#include "base/rng.h"
+
 #include <float.h>
 #include <string.h>
 
@@ -7,6 +9,29 @@ enum { HEAD = 2 * sizeof(uint32_t), LINE = 64 };
 
 /* A vertex's place holds its number in the page at hand, and whether a page had it. */
 static const uint32_t NOWHERE = (1U << 30) - 1, SEEN = 1U << 31;
+
+/* ---- copies --------------------------------------------------------------------------------- */
+
+/* Of positions; 0 and -0 are one. */
+static uint64_t point_hash(wh_vec3 p)
+{
+	const double xyz[3] = {p.x + 0.0, p.y + 0.0, p.z + 0.0};
+	uint64_t hash = 0;
+	for (int k = 0; k < 3; k++) {
+		uint64_t bits;
+		memcpy(&bits, &xyz[k], sizeof bits);
+		hash = wh_mix64(hash ^ bits);
+	}
+	return hash;
+}
+
+/* Of a triangle, whatever the order of its corners, and however often one of them is there. */
+static uint64_t triangle_hash(wh_vec3 a, wh_vec3 b, wh_vec3 d)
+{
+	const uint64_t x = point_hash(a), y = point_hash(b), z = point_hash(d);
+	const uint64_t sum = x + (y != x ? y : 0) + (z != x && z != y ? z : 0);
+	return sum ? sum : 1;
+}
 
 /* ---- records -------------------------------------------------------------------------------- */
 
@@ -62,6 +87,22 @@ static uint32_t list_vertices(wh_page_maker *m, const wh_page_soup *soup, const 
 	return nv;
 }
 
+static uint64_t item_hash(const wh_page_soup *soup, const wh_face_item *item)
+{
+	const uint32_t *t = soup->tri + 3 * (size_t)item->face;
+	return triangle_hash(soup->pos[t[0]], soup->pos[t[1]], soup->pos[t[2]]);
+}
+
+/* The hash of the triangle that all faces are, or 0. */
+static uint64_t find_copies(const wh_page_soup *soup, const wh_face_item *items, uint32_t n)
+{
+	const uint64_t hash = item_hash(soup, items);
+	for (uint32_t i = 1; i < n; i++)
+		if (item_hash(soup, items + i) != hash)
+			return 0;
+	return hash;
+}
+
 static uint8_t *put_position(const wh_page_layout *l, wh_vec3 p, uint8_t *at)
 {
 	const float narrow[3] = {(float)p.x, (float)p.y, (float)p.z};
@@ -115,6 +156,7 @@ size_t wh_page_make(wh_page_maker *m, const wh_page_layout *l, const wh_page_sou
                     const wh_face_item *items, uint32_t n, uint8_t *record, wh_page_entry *e)
 {
 	e->nf = n;
+	e->copies = find_copies(soup, items, n);
 	e->own = list_vertices(m, soup, items, n, true, 0);
 	e->nv = list_vertices(m, soup, items, n, false, e->own);
 	memcpy(record, &e->nv, sizeof e->nv);
@@ -240,6 +282,12 @@ static void lay_out(const wh_page_layout *l, void *block, wh_page *p)
 	p->tri = take(&at, (size_t)p->nf * 3 * sizeof *p->tri);
 }
 
+static uint64_t face_hash(const wh_page *p, uint32_t face)
+{
+	const uint16_t *t = p->tri + 3 * (size_t)face;
+	return triangle_hash(p->pos[t[0]], p->pos[t[1]], p->pos[t[2]]);
+}
+
 static void set_face(const wh_page *p, uint32_t face, wh_boxes *n, uint32_t slot)
 {
 	const uint16_t *t = p->tri + 3 * (size_t)face;
@@ -247,17 +295,44 @@ static void set_face(const wh_page *p, uint32_t face, wh_boxes *n, uint32_t slot
 	wh_boxes_set(n, slot, wh_lower(a, wh_lower(b, d)), wh_upper(a, wh_upper(b, d)));
 }
 
+static bool same_box(const wh_boxes *n, uint32_t slot, const wh_boxes *m, uint32_t other)
+{
+	for (int k = 0; k < 3; k++)
+		if (n->lo[k][slot] != m->lo[k][other] || n->hi[k][slot] != m->hi[k][other])
+			return false;
+	return true;
+}
+
+/* Boxes of the faces; `last` is the last face that has one. */
+static void make_leaves(wh_page *p)
+{
+	const uint32_t slots = wh_boxes_over(p->nf) * WH_BOXES;
+	for (uint32_t i = 0, last = 0; i < slots; i++) {
+		wh_boxes *n = &p->boxes[i / WH_BOXES];
+		if (i >= p->nf) {
+			wh_boxes_set_missing(n, i % WH_BOXES);
+			continue;
+		}
+		set_face(p, i, n, i % WH_BOXES);
+		if (i > 0 &&
+		    same_box(n, i % WH_BOXES, &p->boxes[last / WH_BOXES], last % WH_BOXES) &&
+		    face_hash(p, i) == face_hash(p, last))
+			wh_boxes_set_missing(n, i % WH_BOXES);
+		else
+			last = i;
+	}
+}
+
 static void make_boxes(wh_page *p)
 {
-	uint32_t children = p->nf;
-	for (int level = 0; level < p->levels; level++) {
+	uint32_t children = wh_boxes_over(p->nf);
+	make_leaves(p);
+	for (int level = 1; level < p->levels; level++) {
 		wh_boxes *node = p->boxes + p->first[level];
 		const uint32_t nodes = wh_boxes_over(children);
 		for (uint32_t i = 0; i < nodes * WH_BOXES; i++) {
 			if (i >= children)
 				wh_boxes_set_missing(&node[i / WH_BOXES], i % WH_BOXES);
-			else if (level == 0)
-				set_face(p, i, &node[i / WH_BOXES], i % WH_BOXES);
 			else
 				wh_boxes_set_child(&node[i / WH_BOXES], i % WH_BOXES,
 				                   p->boxes + p->first[level - 1] + i);

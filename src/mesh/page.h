@@ -11,7 +11,8 @@
  *     for each face     three corners of 2 bytes each
  *
  * Vertices that an earlier page of the same soup has too come last. Opened, a page has positions in
- * a frame and boxes around its faces, eight by eight.
+ * a frame and boxes around its faces, eight by eight. A face that is a copy of the one before it
+ * has no box: no search has to look at both.
  */
 #ifndef WH_MESH_PAGE_H
 #define WH_MESH_PAGE_H
@@ -47,6 +48,7 @@ typedef struct wh_page_entry {
 	uint32_t own;   /* vertices that no earlier page of the soup has: they come first */
 	wh_vec3 lo, hi; /* around its faces, in the units of the record, as is the next */
 	double area;
+	uint64_t copies; /* a hash of the one triangle that all its faces are; 0: they differ */
 } wh_page_entry;
 
 /* The faces that pages are made of. */
