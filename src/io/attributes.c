@@ -241,8 +241,7 @@ static bool find_parts(const wh_attributes *a, wh_kind kind, const char *const e
 	       find_part(a, kind, ending[2], &at[2]);
 }
 
-/* What belongs together, when all of its parts are carried. */
-static void find_groups(wh_attributes *a)
+void wh_attributes_group(wh_attributes *a)
 {
 	static const char *const axes[] = {"x", "y", "z"},
 	                         *const words[] = {"red", "green", "blue"},
@@ -286,7 +285,7 @@ static void keep_held(wh_attributes *a, uint32_t holds)
 			const wh_attribute item = all.item[k];
 			append(a, &item);
 		}
-	find_groups(a);
+	wh_attributes_group(a);
 }
 
 wh_code wh_attributes_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_attributes *a)
@@ -327,7 +326,7 @@ wh_code wh_attributes_choose_of(wh_ctx *c, const wh_ply *p, int elem, wh_wanted 
 			add(a, p, q, i, file_at);
 		file_at += wh_type_size(q->type);
 	}
-	find_groups(a);
+	wh_attributes_group(a);
 	if (wanted.holds != WH_HOLDS_ALL)
 		keep_held(a, wanted.holds);
 	return WH_OK;
@@ -350,11 +349,11 @@ wh_code wh_attributes_part(wh_ctx *c, const wh_attributes *a, bool of_corners, w
 	for (uint32_t k = 0; !of_corners && k < a->n; k++)
 		if (!is_of_corners(a, k))
 			append(part, &a->item[k]);
-	find_groups(part);
+	wh_attributes_group(part);
 	return WH_OK;
 }
 
-wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b,
+wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b, bool texture,
                            wh_attributes *both)
 {
 	*both = (wh_attributes){.item = wh_alloc(c, (size_t)a->n + b->n, sizeof *a->item)};
@@ -363,8 +362,9 @@ wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attribute
 	for (uint32_t k = 0; k < a->n; k++)
 		append(both, &a->item[k]);
 	for (uint32_t k = 0; k < b->n; k++)
-		append(both, &b->item[k]);
-	find_groups(both);
+		if (texture || b->item[k].kind != WH_KIND_TEXTURE)
+			append(both, &b->item[k]);
+	wh_attributes_group(both);
 	return WH_OK;
 }
 

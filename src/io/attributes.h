@@ -110,9 +110,12 @@ void wh_attributes_free(wh_ctx *c, wh_attributes *a);
  * the corners of faces where vertices are doubled (wedges.h); or, unless of_corners, the others, in
  * their order. *part refers to what a does. */
 wh_code wh_attributes_part(wh_ctx *c, const wh_attributes *a, bool of_corners, wh_attributes *part);
-/* Those of a, and behind them those of b. */
-wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b,
+/* Those of a, and behind them those of b, with texture coordinates or without. */
+wh_code wh_attributes_both(wh_ctx *c, const wh_attributes *a, const wh_attributes *b, bool texture,
                            wh_attributes *both);
+
+/* Finds what belongs together, when all of its parts are carried: normals, colours, coordinates. */
+void wh_attributes_group(wh_attributes *a);
 
 /* True when such a list means a property of this name and kind. */
 bool wh_attributes_names(const char *wanted, const char *name, wh_kind kind);

@@ -46,7 +46,7 @@ uint32_t wh_mesh_holds(wh_format format)
 {
 	switch (format) {
 	case WH_FORMAT_OBJ:
-		return WH_HOLDS_COLOUR | WH_HOLDS_FACES | WH_HOLDS_CORNERS;
+		return WH_HOLDS_COLOUR | WH_HOLDS_NORMAL | WH_HOLDS_FACES | WH_HOLDS_CORNERS;
 	case WH_FORMAT_OFF:
 	case WH_FORMAT_GLB:
 		return WH_HOLDS_COLOUR | WH_HOLDS_ALPHA | WH_HOLDS_NORMAL | WH_HOLDS_TEXTURE |
@@ -101,7 +101,12 @@ static char *put_values(char *to, const wh_attributes *a, const uint32_t *at, in
 
 /* ---- OBJ ---------------------------------------------------------------------------------- */
 
-/* "v x y z", with red, green and blue from 0 to 1 behind. */
+static bool has_normal(const wh_mesh_out *m)
+{
+	return m->style.attributes && m->style.attributes->has_normal;
+}
+
+/* "v x y z", with red, green and blue from 0 to 1 behind; "vn nx ny nz". */
 static char *obj_vertex(const wh_mesh_out *m, char *to, const double xyz[3], const uint8_t *record)
 {
 	const wh_attributes *a = m->style.attributes;
@@ -113,15 +118,36 @@ static char *obj_vertex(const wh_mesh_out *m, char *to, const double xyz[3], con
 		*to++ = ' ';
 	}
 	to[-1] = '\n';
+	if (!has_normal(m))
+		return to;
+	memcpy(to, "vn ", 3);
+	to = put_values(to + 3, a, a->normal, 3, record);
+	to[-1] = '\n';
 	return to;
 }
 
-static char *obj_triangle(char *to, const uint32_t ids[3])
+/* Numbers from 1 of a corner's vertex, texture coordinates and normal; 0: it has none. */
+static char *obj_corner(char *to, uint64_t vertex, uint64_t texcoord, uint64_t normal)
+{
+	*to++ = ' ';
+	to = wh_print_whole(to, vertex);
+	if (texcoord || normal)
+		*to++ = '/';
+	if (texcoord)
+		to = wh_print_whole(to, texcoord);
+	if (!normal)
+		return to;
+	*to++ = '/';
+	return wh_print_whole(to, normal);
+}
+
+/* Vertices' own normals have their numbers. */
+static char *obj_triangle(const wh_mesh_out *m, char *to, const uint32_t ids[3])
 {
 	*to++ = 'f';
 	for (int k = 0; k < 3; k++) {
-		*to++ = ' ';
-		to = wh_print_whole(to, (uint64_t)ids[k] + 1);
+		const uint64_t number = (uint64_t)ids[k] + 1;
+		to = obj_corner(to, number, 0, has_normal(m) ? number : 0);
 	}
 	*to++ = '\n';
 	return to;
@@ -170,13 +196,19 @@ static wh_code put_line(wh_ctx *c, const wh_mesh_out *m, const char *word, const
 	return wh_outfile_write(c, m->out, "\n", 1);
 }
 
+static wh_code open_listed(wh_ctx *c, wh_mesh_listed *list)
+{
+	list->recent = wh_calloc(c, WH_MESH_RECENT, sizeof *list->recent);
+	return list->recent ? WH_OK : c->err.code;
+}
+
 static wh_code obj_begin(wh_ctx *c, wh_mesh_out *m)
 {
 	static const char first[] = "# made by whittle\n";
-	const wh_names *l = m->style.wedges ? m->style.wedges->libraries : NULL;
-	if (m->style.wedges)
-		m->recent = wh_calloc(c, WH_MESH_RECENT, sizeof *m->recent);
-	if ((m->style.wedges && !m->recent) ||
+	const wh_wedges *w = m->style.wedges;
+	const wh_names *l = w ? w->libraries : NULL;
+	if ((w && w->corner.has_texture && open_listed(c, &m->texcoords) != WH_OK) ||
+	    (w && w->corner.has_normal && open_listed(c, &m->normals) != WH_OK) ||
 	    wh_outfile_write(c, m->out, first, sizeof first - 1) != WH_OK)
 		return c->err.code;
 	for (uint32_t i = 0; l && i < l->n; i++)
@@ -185,37 +217,58 @@ static wh_code obj_begin(wh_ctx *c, wh_mesh_out *m)
 	return WH_OK;
 }
 
-/* The number of a corner's texture coordinates, which are written unless they were for one of the
- * last faces that use the vertex: so they stand twice at worst. 0: the corner has none. */
-static wh_code obj_texcoord(wh_ctx *c, wh_mesh_out *m, uint32_t vertex, const uint8_t *corner,
-                            uint64_t *number)
+static bool is_at(const wh_mesh_wedge *w, uint32_t vertex, const double v[3])
 {
-	char text[80], *end = text;
-	double uv[2];
-	*number = 0;
-	if (!wh_wedges_uv(m->style.wedges, corner, uv))
-		return WH_OK;
+	return w->number && w->vertex == vertex && w->value[0] == v[0] && w->value[1] == v[1] &&
+	       w->value[2] == v[2];
+}
+
+/* The number of what a corner has of a list, which is written unless it was for one of the last
+ * faces that use the vertex: so it stands twice at worst. `n` values, of which the others are 0. */
+static wh_code obj_listed(wh_ctx *c, wh_mesh_out *m, wh_mesh_listed *list, uint32_t vertex,
+                          const double v[3], const char *word, uint32_t n, bool wide,
+                          uint64_t *number)
+{
+	char text[128], *end = text;
 	/* the wedges of a vertex lie side by side, as far as there are places */
 	wh_mesh_wedge *free = NULL;
 	for (uint32_t i = 0; i < WH_MESH_WEDGES; i++) {
-		wh_mesh_wedge *w = &m->recent[(vertex * WH_MESH_WEDGES + i) % WH_MESH_RECENT];
-		if (w->number && w->vertex == vertex && w->uv[0] == uv[0] && w->uv[1] == uv[1]) {
+		wh_mesh_wedge *w = &list->recent[(vertex * WH_MESH_WEDGES + i) % WH_MESH_RECENT];
+		if (is_at(w, vertex, v)) {
 			*number = w->number;
 			return WH_OK;
 		}
 		if (!free && (!w->number || w->vertex != vertex))
 			free = w;
 	}
+	*number = ++list->n;
 	if (free)
-		*free = (wh_mesh_wedge){vertex, {uv[0], uv[1]}, m->texcoords + 1};
-	*number = ++m->texcoords;
-	const bool wide = m->style.wedges->corner.item[0].type != WH_F32;
-	end += sprintf(end, "vt ");
-	end = wh_print_real(end, wide, uv[0]);
-	*end++ = ' ';
-	end = wh_print_real(end, wide, uv[1]);
+		*free = (wh_mesh_wedge){vertex, {v[0], v[1], v[2]}, *number};
+	end += sprintf(end, "%s", word);
+	for (uint32_t k = 0; k < n; k++) {
+		*end++ = ' ';
+		end = wh_print_real(end, wide, v[k]);
+	}
 	*end++ = '\n';
 	return wh_outfile_write(c, m->out, text, (size_t)(end - text));
+}
+
+/* Numbers of a corner's texture coordinates and normal; 0: it has none. */
+static wh_code obj_list_corner(wh_ctx *c, wh_mesh_out *m, uint32_t vertex, const uint8_t *corner,
+                               uint64_t *texcoord, uint64_t *normal)
+{
+	const wh_wedges *w = m->style.wedges;
+	const wh_attributes *a = &w->corner;
+	double uv[3] = {0}, n[3];
+	*texcoord = 0;
+	*normal = has_normal(m) ? (uint64_t)vertex + 1 : 0;
+	if (wh_wedges_uv(w, corner, uv) && obj_listed(c, m, &m->texcoords, vertex, uv, "vt", 2,
+	                                              a->item[0].type != WH_F32, texcoord) != WH_OK)
+		return c->err.code;
+	return wh_wedges_normal(w, corner, n)
+	           ? obj_listed(c, m, &m->normals, vertex, n, "vn", 3,
+	                        a->item[a->normal[0]].type != WH_F32, normal)
+	           : WH_OK;
 }
 
 /* Says which material or group the next faces have, where it is another one. */
@@ -240,20 +293,19 @@ static wh_code obj_carrying(wh_ctx *c, wh_mesh_out *m, const uint32_t *ids, cons
 {
 	const wh_wedges *w = m->style.wedges;
 	char text[160], *to = text;
-	uint64_t t[3];
+	uint64_t t[3], n[3];
 	if (obj_label(c, m, record, "group", "", "g", w->groups, &m->label[1]) != WH_OK ||
 	    obj_label(c, m, record, "material", "usemtl ", "none", w->materials, &m->label[0]) !=
 	        WH_OK)
 		return c->err.code;
 	for (uint32_t k = 0; k < 3; k++)
-		if (obj_texcoord(c, m, ids[k], record + (size_t)k * w->corner.bytes, &t[k]) !=
-		    WH_OK)
+		if (obj_list_corner(c, m, ids[k], record + (size_t)k * w->corner.bytes, &t[k],
+		                    &n[k]) != WH_OK)
 			return c->err.code;
+	const bool mapped = t[0] && t[1] && t[2], curved = n[0] && n[1] && n[2];
 	*to++ = 'f';
 	for (uint32_t k = 0; k < 3; k++)
-		to += t[0] && t[1] && t[2]
-		          ? sprintf(to, " %" PRIu64 "/%" PRIu64, (uint64_t)ids[k] + 1, t[k])
-		          : sprintf(to, " %" PRIu64, (uint64_t)ids[k] + 1);
+		to = obj_corner(to, (uint64_t)ids[k] + 1, mapped ? t[k] : 0, curved ? n[k] : 0);
 	*to++ = '\n';
 	return wh_outfile_write(c, m->out, text, (size_t)(to - text));
 }
@@ -405,7 +457,7 @@ static void *put_triangles(const wh_mesh_out *m, void *room, const uint32_t *ids
 	if (m->style.format == WH_FORMAT_GLB)
 		return wh_glb_triangles(&m->glb, room, ids, n);
 	for (size_t i = 0; i < n; i++)
-		to = m->style.format == WH_FORMAT_OBJ ? obj_triangle(to, ids + 3 * i)
+		to = m->style.format == WH_FORMAT_OBJ ? obj_triangle(m, to, ids + 3 * i)
 		                                      : off_triangle(to, ids + 3 * i);
 	return to;
 }
@@ -463,6 +515,7 @@ wh_code wh_mesh_end(wh_ctx *c, const wh_mesh_out *m)
 
 void wh_mesh_free_out(wh_ctx *c, wh_mesh_out *m)
 {
-	wh_free(c, m->recent);
-	m->recent = NULL;
+	wh_free(c, m->texcoords.recent);
+	wh_free(c, m->normals.recent);
+	m->texcoords.recent = m->normals.recent = NULL;
 }

@@ -5,6 +5,8 @@
  * alone; then wh_mesh_end. The bytes depend on the mesh and the style alone. PLY, OFF, OBJ and text
  * hold doubles where the style says so; STL and GLB have floats only.
  *
+ * Normals of vertices have the numbers of these in OBJ; those of corners numbers of their own.
+ *
  * Colours: OBJ has three numbers from 0 to 1 behind a position, OFF four bytes in decimal, GLB four
  * numbers of 16 bits that are proportional to light. Those of a PLY file, and all that are bytes,
  * are taken for sRGB, as photographs and screens have it.
@@ -34,13 +36,19 @@ bool wh_mesh_wants_box(wh_ply_style style);
 /* True when triangles are written with their positions, and vertices not at all. */
 bool wh_mesh_wants_facets(wh_ply_style style);
 
-/* Texture coordinates that were written for a vertex. */
+/* Texture coordinates, or a normal, that were written for a vertex. */
 enum { WH_MESH_WEDGES = 4, WH_MESH_RECENT = WH_MESH_WEDGES * 16384 };
 typedef struct wh_mesh_wedge {
 	uint32_t vertex;
-	double uv[2];
+	double value[3];
 	uint64_t number; /* from 1; 0: an empty place */
 } wh_mesh_wedge;
+
+/* What corners of OBJ refer to. */
+typedef struct wh_mesh_listed {
+	uint64_t n;            /* written */
+	wh_mesh_wedge *recent; /* WH_MESH_RECENT of them; NULL: corners have none */
+} wh_mesh_listed;
 
 /* A mesh on its way out. */
 typedef struct wh_mesh_out {
@@ -48,9 +56,8 @@ typedef struct wh_mesh_out {
 	wh_ply_style style;
 	wh_glb glb;
 	/* OBJ: */
-	uint64_t texcoords;    /* written */
-	wh_mesh_wedge *recent; /* WH_MESH_RECENT of them; NULL: faces carry nothing */
-	uint64_t label[2];     /* of the last face: material and group */
+	wh_mesh_listed texcoords, normals;
+	uint64_t label[2]; /* of the last face: material and group */
 } wh_mesh_out;
 
 /* The header. `box` may be NULL where nobody wants it. WH_E_USAGE when the format cannot hold so

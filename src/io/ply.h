@@ -198,9 +198,9 @@ typedef struct wh_ply_style {
 	bool quantize;                          /* GLB: positions of 16 bits, the rest of 8 */
 	const struct wh_attributes *attributes; /* written beside positions; NULL: none */
 	const struct wh_wedges *wedges; /* the same of faces, in PLY and OBJ; NULL: nothing */
-	/* the attributes of vertices that are doubled where their corners differ, which then have
-	 * nothing (pipeline/atlas.h); NULL: none is. Whoever doubles them makes these the
-	 * attributes. */
+	/* the attributes of vertices that are doubled where their corners differ in one of them,
+	 * which the corners have no more then (pipeline/atlas.h); NULL: none is. Whoever doubles
+	 * them makes these the attributes. */
 	const struct wh_attributes *doubled;
 	const char *texture; /* GLB: the one picture that all faces have, a file beside the output;
 	                        NULL: none */

@@ -106,7 +106,8 @@ static wh_code write_comments(wh_ctx *c, wh_outfile *o, const wh_wedges *w)
 /* Corners have something in the file. */
 static bool has_corners(wh_ply_style style)
 {
-	return style.wedges && style.wedges->corner.has_texture && !style.doubled;
+	return style.wedges && style.wedges->corner.has_texture &&
+	       !(style.doubled && style.doubled->has_texture);
 }
 
 static wh_code write_face_properties(wh_ctx *c, wh_outfile *o, wh_ply_style style)

@@ -20,28 +20,48 @@ static int find_list(const wh_ply *p, const char *wanted)
 	return -1;
 }
 
-static wh_code describe_corner(wh_ctx *c, const wh_ply *p, wh_wedges *w)
+/* Normals of OBJ; what lists of such a name are elsewhere nobody knows. */
+static int find_normals(const wh_ply *p, const char *wanted)
 {
-	static const char *const name[] = {"u", "v"};
-	const wh_type type = p->elems[p->face].props[w->list].type;
-	wh_attributes *a = &w->corner;
-	a->item = wh_calloc(c, 2, sizeof *a->item);
-	if (!a->item)
-		return c->err.code;
-	for (uint32_t k = 0; k < 2; k++) {
+	const wh_ply_elem *e = &p->elems[p->face];
+	for (int i = 0; p->kind == WH_FORMAT_OBJ && i < (int)e->nprops; i++)
+		if (strcmp(e->props[i].name, WH_WEDGES_NORMALS) == 0 &&
+		    wh_attributes_names(wanted, WH_WEDGES_NORMALS, WH_KIND_NORMAL))
+			return i;
+	return -1;
+}
+
+/* Appends n values of each corner that are in a list of the faces. */
+static void describe_list(const wh_ply *p, int list, wh_kind kind, const char *const *name,
+                          uint32_t n, wh_attributes *a)
+{
+	const wh_type type = p->elems[p->face].props[list].type;
+	for (uint32_t k = 0; k < n; k++) {
 		wh_attribute *item = &a->item[a->n++];
 		*item = (wh_attribute){.name = name[k],
 		                       .type = type,
 		                       .out = type,
-		                       .kind = WH_KIND_TEXTURE,
+		                       .kind = kind,
 		                       .form = type == WH_F32 ? WH_FORM_FLOAT : WH_FORM_DOUBLE,
-		                       .prop = w->list,
+		                       .prop = list,
 		                       .at = a->bytes};
 		a->bytes += wh_attribute_bytes(item);
 	}
 	a->file_bytes = a->bytes;
-	a->has_texture = true;
-	a->texture[1] = 1;
+}
+
+static wh_code describe_corner(wh_ctx *c, const wh_ply *p, wh_wedges *w)
+{
+	static const char *const uv[] = {"u", "v"}, *const normal[] = {"nx", "ny", "nz"};
+	wh_attributes *a = &w->corner;
+	a->item = wh_calloc(c, 5, sizeof *a->item);
+	if (!a->item)
+		return c->err.code;
+	if (w->list >= 0)
+		describe_list(p, w->list, WH_KIND_TEXTURE, uv, 2, a);
+	if (w->normals >= 0)
+		describe_list(p, w->normals, WH_KIND_NORMAL, normal, 3, a);
+	wh_attributes_group(a);
 	return WH_OK;
 }
 
@@ -52,7 +72,9 @@ static wh_code choose_of_faces(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_
 		return WH_OK;
 	if (wanted.holds & WH_HOLDS_CORNERS)
 		w->list = find_list(p, wanted.names);
-	if (w->list >= 0 && describe_corner(c, p, w) != WH_OK)
+	if ((wanted.holds & WH_HOLDS_CORNERS) && (wanted.holds & WH_HOLDS_NORMAL))
+		w->normals = find_normals(p, wanted.names);
+	if ((w->list >= 0 || w->normals >= 0) && describe_corner(c, p, w) != WH_OK)
 		return c->err.code;
 	if (!(wanted.holds & WH_HOLDS_FACES))
 		return WH_OK;
@@ -63,7 +85,7 @@ static wh_code choose_of_faces(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_
 wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
                          const wh_attributes *vertices, wh_wedges *w)
 {
-	*w = (wh_wedges){.list = -1};
+	*w = (wh_wedges){.list = -1, .normals = -1};
 	if (choose_of_faces(c, p, wanted, w) != WH_OK)
 		return c->err.code;
 	w->of_vertices = (wanted.holds & WH_HOLDS_CORNERS) && !(wanted.holds & WH_HOLDS_APART) &&
@@ -80,7 +102,7 @@ void wh_wedges_free(wh_ctx *c, wh_wedges *w)
 {
 	wh_attributes_free(c, &w->corner);
 	wh_attributes_free(c, &w->face);
-	*w = (wh_wedges){.list = -1};
+	*w = (wh_wedges){.list = -1, .normals = -1};
 }
 
 bool wh_wedges_has(const wh_wedges *w, int prop)
@@ -101,6 +123,14 @@ bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2])
 	uv[0] = wh_attribute_get(&w->corner.item[0], corner);
 	uv[1] = wh_attribute_get(&w->corner.item[1], corner);
 	return isfinite(uv[0]) && isfinite(uv[1]);
+}
+
+bool wh_wedges_normal(const wh_wedges *w, const uint8_t *corner, double n[3])
+{
+	const wh_attributes *a = &w->corner;
+	for (int k = 0; a->has_normal && k < 3; k++)
+		n[k] = wh_attribute_get(&a->item[a->normal[k]], corner);
+	return a->has_normal && isfinite(n[0]) && isfinite(n[1]) && isfinite(n[2]);
 }
 
 const wh_names *wh_wedges_names(const wh_wedges *w, const char *property)

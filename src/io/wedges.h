@@ -10,11 +10,13 @@
  *     corners' u, v   PLY: a list of reals called texcoord, two for   averaged inside a chart; on
  *                     each corner; OBJ: vt; PLY and OFF: s and t,     its border always old ones
  *                     or the like, of vertices, with normals
+ *     corners'        OBJ: vn, where those of a vertex differ         the same: hard edges are
+ *     nx, ny, nz      (pipeline/read_obj.h)                           borders
  *     faces' labels   whole numbers but those below; OBJ: usemtl, g   a face keeps its own; where
  *                                                                     they change is a border
  *     faces' others   reals, colours, quality ... (attributes.h)      a face keeps its own
  *
- * A corner without texture coordinates has NaN in their place.
+ * A corner without texture coordinates, or without a normal, has NaN in their place.
  *
  * Files whose vertices have texture coordinates have each vertex on a border of charts two or more
  * times. On the way it is one, with corners that differ (pipeline/atlas.h), and it is doubled again
@@ -26,11 +28,15 @@
 #include "io/attributes.h"
 #include "io/names.h"
 
+/* What the list of normals of an OBJ file's corners is called. */
+#define WH_WEDGES_NORMALS "normals"
+
 typedef struct wh_wedges {
-	wh_attributes corner; /* u and v, and perhaps more; or nothing */
+	wh_attributes corner; /* u and v, or nx, ny and nz, or both in this order; or nothing */
 	wh_attributes face;
 	uint32_t bytes;   /* of a face's record; 0: nothing is carried */
 	int list;         /* the property of faces that holds u and v; -1: they are not carried */
+	int normals;      /* the same of nx, ny and nz */
 	bool of_vertices; /* the file has the corners' attributes at its vertices */
 	uint32_t labels;  /* of the face's attributes */
 	/* what the labels called texnumber, material and group stand for, and the files that
@@ -66,11 +72,14 @@ static inline const uint8_t *wh_wedges_face(const wh_wedges *w, const uint8_t *r
 	return record + 3 * (size_t)w->corner.bytes;
 }
 
-/* A corner without texture coordinates. */
+/* A corner of which nothing is known. */
 void wh_wedges_no_corner(const wh_wedges *w, uint8_t *corner);
 
 /* True when a corner has texture coordinates, which go to uv then. */
 bool wh_wedges_uv(const wh_wedges *w, const uint8_t *corner, double uv[2]);
+
+/* The same of its normal. */
+bool wh_wedges_normal(const wh_wedges *w, const uint8_t *corner, double n[3]);
 
 /* What the values of a property of faces are the names of, 1 more than their places: materials or
  * groups; NULL: of nothing. */

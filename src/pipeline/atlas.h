@@ -58,9 +58,10 @@ typedef struct wh_atlas_room {
 
 /*
  * Doubles the vertices of a patch, so that each has one corner: attributes become `whole`, which
- * are `rest` (NULL: none) with the wedges' corners. Copies lie side by side; ids and flags are the
- * same. A corner without texture coordinates gets 0. The patch is the room's own, valid until the
- * next call.
+ * are `rest` (NULL: none) with those of the wedges' corners, or the last of these: in the others
+ * corners may go on to differ. Copies lie side by side; ids and flags are the same. A corner
+ * without texture coordinates or normal gets 0. The patch is the room's own, valid until the next
+ * call.
  */
 wh_code wh_atlas_double(wh_ctx *c, const wh_patch *p, const wh_attributes *rest,
                         const wh_wedges *wedges, const wh_attributes *whole, wh_atlas_room *room,

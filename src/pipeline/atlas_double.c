@@ -14,12 +14,38 @@ typedef struct doubling {
 	const wh_patch *p;
 	const wh_wedges *wedges;
 	wh_atlas_room *room;
-	uint32_t n; /* different corners so far */
+	uint32_t from, bytes; /* the part of a corner's record that vertices get */
+	uint32_t n;           /* different corners so far */
 } doubling;
+
+/* The same attribute among some others; NULL: none. */
+static const wh_attribute *part_of(const wh_attributes *some, const wh_attribute *item)
+{
+	for (uint32_t i = 0; some && i < some->n; i++)
+		if (some->item[i].name == item->name)
+			return &some->item[i];
+	return NULL;
+}
+
+/* Corners' attributes that go to vertices are all, or the last ones. */
+static void find_part(doubling *d, const wh_attributes *whole)
+{
+	const wh_attributes *a = &d->wedges->corner;
+	uint32_t k = 0;
+	while (k < a->n && !part_of(whole, &a->item[k]))
+		k++;
+	d->from = k < a->n ? a->item[k].at : a->bytes;
+	d->bytes = a->bytes - d->from;
+}
 
 static const uint8_t *corner_of(const doubling *d, uint32_t at)
 {
 	return wh_patch_face(d->p, at / 3) + (size_t)(at % 3) * d->wedges->corner.bytes;
+}
+
+static bool same_corner(const doubling *d, uint32_t at, uint32_t other)
+{
+	return memcmp(corner_of(d, at) + d->from, corner_of(d, other) + d->from, d->bytes) == 0;
 }
 
 /* The number of the vertex that corner `at` will have; new ones come to the end of their list. */
@@ -28,8 +54,7 @@ static wh_code number_corner(wh_ctx *c, doubling *d, uint32_t at, uint32_t *numb
 	wh_atlas_room *r = d->room;
 	uint32_t *link = &r->first[d->p->tri[at]];
 	for (; *link != WH_NONE; link = &r->next[*link])
-		if (memcmp(corner_of(d, at), corner_of(d, r->corner[*link]),
-		           d->wedges->corner.bytes) == 0) {
+		if (same_corner(d, at, r->corner[*link])) {
 			*number = *link;
 			return WH_OK;
 		}
@@ -62,26 +87,18 @@ static void copy_value(const wh_attribute *from, const uint8_t *record, const wh
 	memcpy(out + to->at, record + from->at, wh_attribute_bytes(to));
 }
 
-/* Which attribute of `some` is the k-th of the whole; NULL: none. */
-static const wh_attribute *part_of(const wh_attributes *some, const wh_attribute *item)
-{
-	for (uint32_t i = 0; some && i < some->n; i++)
-		if (some->item[i].name == item->name)
-			return &some->item[i];
-	return NULL;
-}
-
 static void put_attributes(const doubling *d, const wh_attributes *rest, const wh_attributes *whole,
                            uint32_t v, const uint8_t *corner, uint8_t *to)
 {
-	double uv[2];
-	const bool mapped = wh_wedges_uv(d->wedges, corner, uv);
+	double value[3];
+	const bool mapped = wh_wedges_uv(d->wedges, corner, value);
+	const bool curved = d->wedges->normals < 0 || wh_wedges_normal(d->wedges, corner, value);
 	for (uint32_t k = 0; k < whole->n; k++) {
 		const wh_attribute *item = &whole->item[k];
 		const wh_attribute *from = part_of(rest, item);
 		if (from)
 			copy_value(from, wh_patch_attr(d->p, v), item, to);
-		else if (mapped || item->kind != WH_KIND_TEXTURE)
+		else if (item->kind == WH_KIND_TEXTURE ? mapped : curved)
 			copy_value(part_of(&d->wedges->corner, item), corner, item, to);
 		else
 			wh_attribute_set(item, to, 0);
@@ -113,6 +130,7 @@ wh_code wh_atlas_double(wh_ctx *c, const wh_patch *p, const wh_attributes *rest,
 {
 	doubling d = {.p = p, .wedges = wedges, .room = room};
 	wh_patch *to = &room->patch;
+	find_part(&d, whole);
 	to->attr_bytes = whole->bytes;
 	to->face_bytes = p->face_bytes;
 	*doubled = to;

@@ -283,8 +283,10 @@ static wh_code choose_of_vertices(wh_ctx *c, wh_wanted wanted, wh_input *in)
 	wh_attributes_free(c, &in->whole);
 	if (wh_attributes_choose(c, &in->ply, held, &in->attributes) != WH_OK)
 		return c->err.code;
+	/* PLY has a list for texture coordinates of corners, but none for normals */
 	return in->wedges.corner.n
-	           ? wh_attributes_both(c, &in->attributes, &in->wedges.corner, &in->whole)
+	           ? wh_attributes_both(c, &in->attributes, &in->wedges.corner,
+	                                !(wanted.holds & WH_HOLDS_FACES), &in->whole)
 	           : WH_OK;
 }
 
@@ -478,12 +480,15 @@ static uint64_t weld_bytes(const wh_ply *p, const wh_source *s)
 	return p->kind != WH_FORMAT_STL ? 0 : s->nf * (p->format == WH_PLY_ASCII ? 80 : 44);
 }
 
-/* Those of an OBJ file, on their way to the corners. */
-static uint64_t texcoord_bytes(const wh_input *in)
+/* Texture coordinates and normals of an OBJ file, on their way to who has them. */
+static uint64_t list_bytes(const wh_input *in)
 {
-	return in->obj.start && in->wedges.corner.n
-	           ? in->obj.start[in->obj.lines.chunks].texcoords * 2 * sizeof(float)
-	           : 0;
+	uint64_t n = 0;
+	if (in->obj.start && in->wedges.corner.has_texture)
+		n += wh_obj_list_bytes(&in->obj, WH_OBJ_TEXCOORDS);
+	if (in->obj.start && (in->wedges.corner.has_normal || in->attributes.has_normal))
+		n += wh_obj_list_bytes(&in->obj, WH_OBJ_NORMALS);
+	return n;
 }
 
 uint64_t wh_input_temp_bytes(const wh_input *in)
@@ -499,7 +504,7 @@ uint64_t wh_input_temp_bytes(const wh_input *in)
 	if (s->ffd < 0)
 		return unpacked + s->nf * s->fstride +
 		       (s->vfd < 0 ? s->nv * ((uint64_t)s->vstride + in->attributes.bytes) : 0) +
-		       weld_bytes(&in->ply, s) + texcoord_bytes(in);
+		       weld_bytes(&in->ply, s) + list_bytes(in);
 	return unpacked +
 	       (in->temp_fd >= 0 && fstat(in->temp_fd, &st) == 0 ? (uint64_t)st.st_size : 0);
 }

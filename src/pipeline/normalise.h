@@ -28,7 +28,8 @@ typedef struct wh_input {
 	wh_attributes attributes; /* besides positions; none when they were not asked for */
 	wh_wedges wedges;         /* the same of faces and corners */
 	wh_attributes whole; /* attributes with those of corners, as vertices have them that are
-	                        doubled where these differ; empty when corners carry nothing */
+	                        doubled where these differ; empty when corners carry nothing.
+	                        Without texture coordinates where the output has those of corners */
 	bool apart;          /* so the source has them, and is to be joined: see wh_input_joined */
 	int temp_fd;         /* rewritten triangles, and vertices unless they could stay in place;
 	                        -1 when the whole body is used in place. Nameless: see spill.h */

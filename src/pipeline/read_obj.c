@@ -1,14 +1,16 @@
 /*
  * Three passes over chunks of lines, all in parallel: one counts the lines of each kind, so that
  * every chunk knows the number of its first vertex (relative indices count back from the vertex
- * before them); one parses vertices, whose places in the output are then known; one parses faces,
- * whose triangles are appended in order.
+ * before them), and whose the normals are; one parses vertices, whose places in the output are then
+ * known; one parses faces, whose triangles are appended in order. Texture coordinates and normals
+ * wait in files of their own for those who refer to them.
  *
  * Cost: the text is read three times, parsed once. Memory: a chunk per worker and what comes out
  * of it, 8 bytes for each MiB of the file.
  */
 #include "pipeline/read_obj.h"
 
+#include "base/chunks.h"
 #include "base/real.h"
 
 #include <inttypes.h>
@@ -61,6 +63,12 @@ typedef struct named {
 	size_t at, n;
 } named;
 
+/* What corners refer to: floats. */
+static const struct {
+	const char *word;
+	uint32_t width;
+} lists[WH_OBJ_LISTS] = {[WH_OBJ_TEXCOORDS] = {"vt", 2}, [WH_OBJ_NORMALS] = {"vn", 3}};
+
 /* A worker's buffers. */
 typedef struct reader {
 	wh_lines_part part;
@@ -74,14 +82,15 @@ typedef struct reader {
 	size_t ids_cap;
 	/* counting: */
 	wh_obj_start counted;
+	wh_obj_habit habit;
 	named *names;
 	size_t names_cap, n_names;
-	/* what is carried: */
-	double *uv;
-	size_t uv_cap;
+	/* what corners refer to, as it is read, and as it is looked up: */
+	double *value[WH_OBJ_LISTS];
+	size_t value_cap[WH_OBJ_LISTS];
+	wh_positions listed[WH_OBJ_LISTS];
 	uint8_t *carried;
 	size_t carried_cap;
-	wh_positions texcoords;
 } reader;
 
 typedef struct job {
@@ -89,10 +98,11 @@ typedef struct job {
 	const wh_lines *lines;
 	wh_obj *filled; /* while it is looked at */
 	wh_obj_start *start;
-	wh_source uv; /* texture coordinates, as if they were positions; their file -1 without */
-	uint8_t *coloured; /* per chunk: its first vertex has a colour */
+	wh_source list[WH_OBJ_LISTS]; /* as if they were positions; their files -1 without */
+	uint8_t *coloured;            /* per chunk: its first vertex has a colour */
+	wh_obj_habit habit;
 	wh_rewrite *rw;
-	const wh_attribute *colour[3]; /* those that are carried */
+	const wh_attribute *colour[3], *normal[3]; /* those of vertices that are carried */
 	reader *readers;
 } job;
 
@@ -118,9 +128,11 @@ static void free_readers(wh_ctx *c, job *j, int workers)
 		wh_free(c, j->readers[i].records);
 		wh_free(c, j->readers[i].ids);
 		wh_free(c, j->readers[i].names);
-		wh_free(c, j->readers[i].uv);
 		wh_free(c, j->readers[i].carried);
-		wh_positions_close(c, &j->readers[i].texcoords);
+		for (int k = 0; k < WH_OBJ_LISTS; k++) {
+			wh_free(c, j->readers[i].value[k]);
+			wh_positions_close(c, &j->readers[i].listed[k]);
+		}
 	}
 	wh_free(c, j->readers);
 }
@@ -156,11 +168,32 @@ static wh_code keep_name(wh_ctx *c, const job *j, reader *r, const char *s, tag 
 	return WH_OK;
 }
 
+/* What the corners of a face do with normals; those of a line are of one kind. */
+static void note_habit(const wh_lines *l, reader *r, const char *s)
+{
+	const wh_obj_start *k = &r->counted;
+	wh_obj_corner corner, first = {0};
+	bool begun = false;
+	for (s = wh_lines_word(l, wh_word_end(s)); *s != l->eol && *s != '#';
+	     s = wh_lines_word(l, wh_word_end(s))) {
+		if (!wh_obj_corner_scan(s, &corner))
+			return; /* whoever reads faces says so */
+		if (!begun)
+			first = corner;
+		begun = true;
+		wh_obj_habit_add(&r->habit, &corner, &first, k->vertices,
+		                 k->listed[WH_OBJ_NORMALS]);
+		if (first.normal.n == 0)
+			return;
+	}
+}
+
 static wh_code count_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
 	reader *r = &j->readers[worker];
 	r->counted = (wh_obj_start){0};
+	r->habit = (wh_obj_habit){0};
 	r->n_names = 0;
 	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
 		return c->err.code;
@@ -170,7 +203,10 @@ static wh_code count_job(wh_ctx *c, void *arg, int64_t index, int worker)
 		const tag t = tag_of(s);
 		if (t == VERTEX && r->counted.vertices++ == 0)
 			j->coloured[index] = count_words(j->lines, s, COLOURED) >= COLOURED;
-		r->counted.texcoords += t == TEXTURE;
+		r->counted.listed[WH_OBJ_TEXCOORDS] += t == TEXTURE;
+		r->counted.listed[WH_OBJ_NORMALS] += t == NORMAL;
+		if (t == FACE)
+			note_habit(j->lines, r, s);
 		r->count[t]++;
 		if ((t == GROUP || t == MATERIAL || t == LIBRARY) &&
 		    keep_name(c, j, r, s, t) != WH_OK)
@@ -182,13 +218,15 @@ static wh_code count_job(wh_ctx *c, void *arg, int64_t index, int worker)
 /* Chunk by chunk: what the next one begins with. */
 static wh_code count_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
-	const job *j = arg;
+	job *j = arg;
 	const reader *r = &j->readers[worker];
 	wh_obj *o = j->filled;
 	wh_obj_start *next = &o->start[index + 1];
 	*next = o->start[index];
+	wh_obj_habit_join(&j->habit, &r->habit, next->vertices, next->listed[WH_OBJ_NORMALS]);
 	next->vertices += r->counted.vertices;
-	next->texcoords += r->counted.texcoords;
+	for (int k = 0; k < WH_OBJ_LISTS; k++)
+		next->listed[k] += r->counted.listed[k];
 	for (size_t i = 0; i < r->n_names; i++) {
 		const named *one = &r->names[i];
 		const char *s = r->part.text + one->at;
@@ -206,31 +244,48 @@ static wh_code count_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-static wh_code describe(wh_ctx *c, const job *j, wh_ply *p, const uint64_t count[TAGS])
+static void add_three(wh_ctx *c, wh_ply *p, const char *const name[3])
 {
-	bool coloured = false;
-	for (int64_t i = 0; i < j->lines->chunks; i++)
-		coloured = coloured || j->coloured[i];
-	p->format = WH_PLY_ASCII;
-	p->undeclared = true;
-	if (wh_ply_add_element(c, p, "vertex", count[VERTEX]) != WH_OK)
-		return c->err.code;
 	for (int k = 0; k < 3; k++)
-		(void)wh_ply_add_property(c, p, (const char *[]){"x", "y", "z"}[k], WH_F32, false);
-	for (int k = 0; coloured && k < 3; k++)
-		(void)wh_ply_add_property(c, p, (const char *[]){"red", "green", "blue"}[k], WH_F32,
-		                          false);
+		(void)wh_ply_add_property(c, p, name[k], WH_F32, false);
+}
+
+static void describe_faces(wh_ctx *c, const wh_obj *o, wh_ply *p, const uint64_t count[TAGS])
+{
 	if (wh_ply_add_element(c, p, "face", count[FACE]) == WH_OK)
 		(void)wh_ply_add_property(c, p, "vertex_indices", WH_I32, true);
 	if (count[TEXTURE])
 		(void)wh_ply_add_property(c, p, "texcoord", WH_F32, true);
-	if (j->filled->materials.n)
+	if (o->normals == WH_OBJ_NORMALS_OF_CORNERS)
+		(void)wh_ply_add_property(c, p, WH_WEDGES_NORMALS, WH_F32, true);
+	if (o->materials.n)
 		(void)wh_ply_add_property(c, p, "material", WH_U32, false);
-	if (j->filled->groups.n)
+	if (o->groups.n)
 		(void)wh_ply_add_property(c, p, "group", WH_U32, false);
-	for (int t = 0; t < TAGS; t++)
+}
+
+static wh_code describe(wh_ctx *c, const job *j, wh_ply *p, const uint64_t count[TAGS])
+{
+	wh_obj *o = j->filled;
+	for (int64_t i = 0; i < j->lines->chunks; i++)
+		o->coloured = o->coloured || j->coloured[i];
+	o->normals = wh_obj_habit_tells(&j->habit);
+	p->format = WH_PLY_ASCII;
+	p->undeclared = true;
+	if (wh_ply_add_element(c, p, "vertex", count[VERTEX]) != WH_OK)
+		return c->err.code;
+	add_three(c, p, (const char *[]){"x", "y", "z"});
+	if (o->coloured)
+		add_three(c, p, (const char *[]){"red", "green", "blue"});
+	if (o->normals == WH_OBJ_NORMALS_OF_VERTICES)
+		add_three(c, p, (const char *[]){"nx", "ny", "nz"});
+	describe_faces(c, o, p, count);
+	for (int t = 0; t < TAGS; t++) {
+		const bool flat = t == NORMAL && o->normals == WH_OBJ_NORMALS_FLAT;
 		if (tag_names[t] && count[t])
-			(void)wh_ply_add_element(c, p, tag_names[t], count[t]);
+			(void)wh_ply_add_element(
+			    c, p, flat ? "normals of flat faces" : tag_names[t], count[t]);
+	}
 	wh_ply_find_meaning(p);
 	return c->err.code;
 }
@@ -270,6 +325,11 @@ void wh_obj_free(wh_ctx *c, wh_obj *o)
 	*o = (wh_obj){0};
 }
 
+uint64_t wh_obj_list_bytes(const wh_obj *o, int list)
+{
+	return o->start[o->lines.chunks].listed[list] * lists[list].width * sizeof(float);
+}
+
 /* --- vertices --- */
 
 __attribute__((format(printf, 5, 6))) static wh_code bad(wh_ctx *c, const job *j, const reader *r,
@@ -291,6 +351,11 @@ static wh_code bad_number(wh_ctx *c, const job *j, const reader *r, const char *
 	return *s == j->lines->eol
 	           ? bad(c, j, r, s - 1, "a vertex of fewer than three coordinates")
 	           : bad(c, j, r, s, "'%.*s' is not a number", n > 40 ? 40 : (int)n, s);
+}
+
+static bool has_colours(const job *j)
+{
+	return j->colour[0] || j->colour[1] || j->colour[2];
 }
 
 /* The colour behind a position; a vertex without one, or with a weight in its place, is white. */
@@ -327,104 +392,149 @@ static wh_code vertex_line(wh_ctx *c, const job *j, reader *r, const char *s, si
 		if (!s)
 			return bad_number(c, j, r, word);
 	}
-	return size ? take_colour(c, j, r, s, r->records + at * size) : WH_OK;
+	return has_colours(j) ? take_colour(c, j, r, s, r->records + at * size) : WH_OK;
 }
 
-/* "vt 0.5 0.25": what is no number is 0, as is what no float holds. */
-static wh_code texcoord_line(wh_ctx *c, const job *j, reader *r, const char *s, size_t at)
+/* "vt 0.5 0.25" or "vn 0 0 1": what is no number is 0, as is what no float holds. */
+static wh_code list_line(wh_ctx *c, const job *j, reader *r, const char *s, int list, size_t at)
 {
-	if (wh_reserve(c, &r->uv, &r->uv_cap, at + 1, 2 * sizeof *r->uv) != WH_OK)
+	const uint32_t width = lists[list].width;
+	double **to = &r->value[list];
+	if (wh_reserve(c, to, &r->value_cap[list], at + 1, width * sizeof **to) != WH_OK)
 		return c->err.code;
 	s = wh_word_end(s);
-	for (size_t k = 0; k < 2; k++) {
+	for (size_t k = 0; k < width; k++) {
 		double v = 0;
 		s = wh_lines_word(j->lines, s);
 		if (*s != j->lines->eol && *s != '#') {
 			(void)wh_scan_real(s, &v);
 			s = wh_word_end(s);
 		}
-		r->uv[2 * at + k] = isfinite(wh_round_float(v)) ? v : 0;
+		(*to)[width * at + k] = isfinite(wh_round_float(v)) ? v : 0;
 	}
 	return WH_OK;
 }
 
 /* As floats, to their own file. */
-static wh_code put_texcoords(wh_ctx *c, const job *j, reader *r, uint64_t first, size_t n)
+static wh_code put_list(wh_ctx *c, const job *j, reader *r, int list, uint64_t first, size_t n)
 {
-	unsigned char *to = (unsigned char *)r->uv; /* floats never overtake doubles */
-	for (size_t i = 0; i < 2 * n; i++) {
-		const float v = (float)r->uv[i] + 0.0F; /* -0 is 0 */
+	const uint32_t width = lists[list].width;
+	const double *from = r->value[list];
+	unsigned char *to = (unsigned char *)r->value[list]; /* floats never overtake doubles */
+	for (size_t i = 0; i < width * n; i++) {
+		const float v = (float)from[i] + 0.0F; /* -0 is 0 */
 		memcpy(to + sizeof v * i, &v, sizeof v);
 	}
-	return wh_spill_pwrite(c, j->rw->spill, j->uv.vfd, to, 2 * sizeof(float) * n,
-	                       2 * sizeof(float) * first);
+	return n == 0 ? WH_OK
+	              : wh_spill_pwrite(c, j->rw->spill, j->list[list].vfd, to,
+	                                width * sizeof(float) * n, width * sizeof(float) * first);
+}
+
+/* Which list the line at s belongs to, among those that are read; WH_OBJ_LISTS: none. */
+static int list_of(const job *j, const char *s)
+{
+	int k = 0;
+	while (k < WH_OBJ_LISTS && (j->list[k].vfd < 0 || !wh_lines_is(s, lists[k].word)))
+		k++;
+	return k;
+}
+
+static bool has_lines(const job *j, const wh_obj_start *start)
+{
+	bool any = start[1].vertices > start->vertices;
+	for (int k = 0; k < WH_OBJ_LISTS; k++)
+		any = any || (j->list[k].vfd >= 0 && start[1].listed[k] > start->listed[k]);
+	return any;
+}
+
+static wh_code parse_vertices(wh_ctx *c, const job *j, reader *r, size_t *n,
+                              size_t n_listed[WH_OBJ_LISTS])
+{
+	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
+		if (*s != 'v')
+			continue;
+		if (wh_is_blank(s[1])) {
+			if (vertex_line(c, j, r, s, (*n)++) != WH_OK)
+				return c->err.code;
+			continue;
+		}
+		const int k = list_of(j, s);
+		if (k < WH_OBJ_LISTS && list_line(c, j, r, s, k, n_listed[k]++) != WH_OK)
+			return c->err.code;
+	}
+	return WH_OK;
 }
 
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
 	reader *r = &j->readers[worker];
-	size_t n = 0, n_uv = 0;
+	size_t n = 0, n_listed[WH_OBJ_LISTS] = {0};
 	const wh_obj_start *start = &j->start[index];
-	const bool uv = j->uv.vfd >= 0 && start[1].texcoords > start->texcoords;
-	if (start[1].vertices == start->vertices && !uv)
+	if (!has_lines(j, start))
 		return WH_OK;
-	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK)
+	if (wh_lines_load(c, j->lines, index, &r->part) != WH_OK ||
+	    parse_vertices(c, j, r, &n, n_listed) != WH_OK)
 		return c->err.code;
-	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
-		if (uv && wh_lines_is(s, "vt") && texcoord_line(c, j, r, s, n_uv++) != WH_OK)
-			return c->err.code;
-		if (*s != 'v' || !wh_is_blank(s[1]))
-			continue;
-		if (vertex_line(c, j, r, s, n) != WH_OK)
-			return c->err.code;
-		n++;
-	}
 	if (wh_rewrite_heed(j->rw, r->told))
 		return WH_E_IRREGULAR;
-	if (n_uv && put_texcoords(c, j, r, start->texcoords, n_uv) != WH_OK)
-		return c->err.code;
+	for (int k = 0; k < WH_OBJ_LISTS; k++)
+		if (put_list(c, j, r, k, start->listed[k], n_listed[k]) != WH_OK)
+			return c->err.code;
 	if (n == 0)
 		return WH_OK;
 	if (wh_rewrite_put_vertices(c, j->rw, start->vertices, r->xyz, n) != WH_OK)
 		return c->err.code;
-	return wh_rewrite_put_attributes(c, j->rw, start->vertices, r->records, n);
+	return has_colours(j) ? wh_rewrite_put_attributes(c, j->rw, start->vertices, r->records, n)
+	                      : WH_OK;
+}
+
+/* --- normals of vertices --- */
+
+/* Normals that are the vertices' own come to their records; 0 where there are too few of them. */
+static wh_code normals_job(wh_ctx *c, void *arg, int64_t index, int worker)
+{
+	const job *j = arg;
+	reader *r = &j->readers[worker];
+	const wh_source *from = &j->list[WH_OBJ_NORMALS];
+	const size_t size = wh_rewrite_record(j->rw);
+	const uint64_t nv = j->rw->source.nv, first = (uint64_t)index * WH_REWRITE_BATCH;
+	const size_t n = wh_chunk_items(nv, index, WH_REWRITE_BATCH);
+	const size_t told = from->nv <= first      ? 0
+	                    : from->nv - first < n ? (size_t)(from->nv - first)
+	                                           : n;
+	if (wh_reserve(c, &r->xyz, &r->xyz_cap, 3 * n, sizeof *r->xyz) != WH_OK ||
+	    wh_reserve(c, &r->records, &r->records_cap, n * size, 1) != WH_OK ||
+	    wh_reserve(c, &r->carried, &r->carried_cap, wh_source_vertex_bytes(from, n), 1) !=
+	        WH_OK ||
+	    wh_source_vertices(c, from, first, told, r->xyz, r->carried) != WH_OK)
+		return c->err.code;
+	if (has_colours(j) && wh_spill_pread(c, j->rw->spill, j->rw->fd, r->records, n * size,
+	                                     j->rw->source.abase + first * size) != WH_OK)
+		return c->err.code;
+	memset(r->xyz + 3 * told, 0, 3 * (n - told) * sizeof *r->xyz);
+	for (size_t i = 0; i < n; i++)
+		for (int k = 0; k < 3; k++)
+			if (j->normal[k])
+				wh_attribute_set(j->normal[k], r->records + i * size,
+				                 r->xyz[3 * i + (size_t)k]);
+	return wh_rewrite_put_attributes(c, j->rw, first, r->records, n);
+}
+
+static bool vertices_have_normals(const job *j)
+{
+	return j->normal[0] || j->normal[1] || j->normal[2];
+}
+
+static wh_code give_normals(wh_ctx *c, job *j)
+{
+	return vertices_have_normals(j)
+	           ? wh_exec_for(c, j->rw->ex, wh_chunks(j->rw->source.nv, WH_REWRITE_BATCH),
+	                         normals_job, j)
+	           : WH_OK;
 }
 
 /* --- faces --- */
-
-/* A corner "7", "-1/2", "7//3" at s: its vertex, where `before` vertices are in front of it. False:
- * no such thing. Numbers too large for any file stay too large. */
-static bool scan_corner(const char *s, uint64_t before, uint64_t *id)
-{
-	const bool minus = *s == '-';
-	s += minus || *s == '+';
-	uint64_t n = 0;
-	const char *first = s;
-	for (; *s >= '0' && *s <= '9'; s++)
-		n = n < UINT64_MAX / 16 ? 10 * n + (uint64_t)(*s - '0') : n;
-	if (s == first || (*s != '/' && !wh_is_blank(*s)))
-		return false;
-	*id = minus ? (n <= before ? before - n : UINT64_MAX) : n - 1; /* 0 wraps: out of range */
-	return n > 0 || !minus;
-}
-
-/* The texture coordinates of a corner "7/8", "7/-1/3"; false: it has none that the file has. */
-static bool scan_texcoord(const job *j, const char *s, uint64_t before, uint64_t *id)
-{
-	while (*s != '/' && !wh_is_blank(*s))
-		s++;
-	if (*s != '/')
-		return false;
-	s++;
-	const bool minus = *s == '-';
-	s += minus || *s == '+';
-	uint64_t n = 0;
-	for (; *s >= '0' && *s <= '9'; s++)
-		n = n < UINT64_MAX / 16 ? 10 * n + (uint64_t)(*s - '0') : n;
-	*id = minus ? before - n : n - 1;
-	return n > 0 && (!minus || n <= before) && *id < j->uv.nv;
-}
 
 /* What the chunk has come to. */
 typedef struct walk {
@@ -432,29 +542,42 @@ typedef struct walk {
 	wh_facer *facer;
 } walk;
 
-/* Puts corner i of a face into what it carries. */
-static wh_code carry_corner(wh_ctx *c, const job *j, reader *r, const walk *k, const char *s,
-                            size_t i)
+/* What corners refer to, looked up; false: nothing that the file has. */
+static wh_code look_up(wh_ctx *c, const job *j, reader *r, int list, uint64_t id, wh_vec3 *v,
+                       bool *found)
 {
-	const wh_attributes *a = &j->rw->wedges->corner;
-	uint64_t id;
-	wh_vec3 uv;
+	wh_positions *p = &r->listed[list];
+	*found = id < j->list[list].nv;
+	if (!*found)
+		return WH_OK;
+	if (!p->pages && wh_positions_open(c, p, &j->list[list], WH_POSITIONS_FEW) != WH_OK)
+		return c->err.code;
+	return wh_positions_get(c, p, id, v);
+}
+
+/* Puts corner i of a face into what it carries. */
+static wh_code carry_corner(wh_ctx *c, const job *j, reader *r, const walk *k,
+                            const wh_obj_corner *corner, size_t i)
+{
+	const wh_wedges *w = j->rw->wedges;
+	const wh_attributes *a = &w->corner;
+	const wh_obj_index index[WH_OBJ_LISTS] = {corner->texcoord, corner->normal};
+	const uint32_t *const at[WH_OBJ_LISTS] = {a->texture, a->normal};
 	if (wh_reserve(c, &r->carried, &r->carried_cap, (i + 1) * a->bytes, 1) != WH_OK)
 		return c->err.code;
 	uint8_t *to = r->carried + i * a->bytes;
-	if (a->n == 0)
-		return WH_OK;
-	if (!scan_texcoord(j, s, k->at.texcoords, &id)) {
-		wh_wedges_no_corner(j->rw->wedges, to);
-		return WH_OK;
+	wh_wedges_no_corner(w, to);
+	for (int list = 0; list < WH_OBJ_LISTS; list++) {
+		const uint64_t id = wh_obj_index_id(index[list], k->at.listed[list]);
+		wh_vec3 v;
+		bool found;
+		if (list == WH_OBJ_TEXCOORDS ? !a->has_texture : !a->has_normal)
+			continue;
+		if (look_up(c, j, r, list, id, &v, &found) != WH_OK)
+			return c->err.code;
+		for (uint32_t n = 0; found && n < lists[list].width; n++)
+			wh_attribute_set(&a->item[at[list][n]], to, (&v.x)[n]);
 	}
-	if (!r->texcoords.pages &&
-	    wh_positions_open(c, &r->texcoords, &j->uv, WH_POSITIONS_FEW) != WH_OK)
-		return c->err.code;
-	if (wh_positions_get(c, &r->texcoords, id, &uv) != WH_OK)
-		return c->err.code;
-	wh_attribute_set(&a->item[0], to, uv.x);
-	wh_attribute_set(&a->item[1], to, uv.y);
 	return WH_OK;
 }
 
@@ -486,15 +609,19 @@ static wh_code bad_corner(wh_ctx *c, const job *j, const reader *r, const char *
 static wh_code face_line(wh_ctx *c, const job *j, reader *r, const char *s, const walk *k)
 {
 	const wh_lines *l = j->lines;
+	wh_obj_corner corner;
 	size_t n = 0;
 	for (s = wh_lines_word(l, wh_word_end(s)); *s != l->eol && *s != '#';
 	     s = wh_lines_word(l, wh_word_end(s))) {
 		if (n == r->ids_cap &&
 		    wh_reserve(c, &r->ids, &r->ids_cap, n + 1, sizeof *r->ids) != WH_OK)
 			return c->err.code;
-		if (!scan_corner(s, k->at.vertices, &r->ids[n]) || r->ids[n] >= j->rw->source.nv)
+		if (!wh_obj_corner_scan(s, &corner))
 			return bad_corner(c, j, r, s);
-		if (j->rw->wedges && carry_corner(c, j, r, k, s, n) != WH_OK)
+		r->ids[n] = wh_obj_index_id(corner.vertex, k->at.vertices);
+		if (r->ids[n] >= j->rw->source.nv)
+			return bad_corner(c, j, r, s);
+		if (j->rw->wedges && carry_corner(c, j, r, k, &corner, n) != WH_OK)
 			return c->err.code;
 		n++;
 	}
@@ -524,7 +651,8 @@ static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (const char *s; (s = wh_lines_next(j->lines, &r->part)) != NULL;) {
 		if (*s == 'v') {
 			k.at.vertices += wh_is_blank(s[1]);
-			k.at.texcoords += wh_lines_is(s, "vt");
+			for (int i = 0; i < WH_OBJ_LISTS; i++)
+				k.at.listed[i] += wh_lines_is(s, lists[i].word);
 			continue;
 		}
 		const tag t = *s == 'f' || *s == 'g' || *s == 'o' || *s == 'u' ? tag_of(s) : OTHER;
@@ -543,39 +671,62 @@ static wh_code take_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return wh_rewrite_take(c, j->rw, &j->rw->facers[worker]);
 }
 
-/* A temporary file for the texture coordinates, where they are carried. */
-static wh_code open_texcoords(wh_ctx *c, job *j)
+/* A temporary file for each list that is carried. */
+static wh_code open_lists(wh_ctx *c, job *j)
 {
 	const wh_wedges *w = j->rw->wedges;
-	j->uv = (wh_source){.path = j->lines->file->path,
-	                    .nv = j->start[j->lines->chunks].texcoords,
-	                    .vfd = -1,
-	                    .vstride = 2 * sizeof(float),
-	                    .voff = {0, sizeof(float), sizeof(float)},
-	                    .vtype = {WH_F32, WH_F32, WH_F32}};
-	if (!w || w->corner.n == 0)
-		return WH_OK;
-	j->uv.vfd = wh_spill_scratch(c, j->rw->spill);
-	return j->uv.vfd >= 0 ? WH_OK : wh_failed(c);
+	const bool read[WH_OBJ_LISTS] = {w && w->corner.has_texture,
+	                                 (w && w->corner.has_normal) || vertices_have_normals(j)};
+	for (int k = 0; k < WH_OBJ_LISTS; k++) {
+		const uint32_t last = (lists[k].width - 1) * (uint32_t)sizeof(float);
+		j->list[k] = (wh_source){.path = j->lines->file->path,
+		                         .nv = j->start[j->lines->chunks].listed[k],
+		                         .vfd = -1,
+		                         .vstride = lists[k].width * sizeof(float),
+		                         .voff = {0, sizeof(float), last},
+		                         .vtype = {WH_F32, WH_F32, WH_F32}};
+		if (read[k])
+			j->list[k].vfd = wh_spill_scratch(c, j->rw->spill);
+		if (read[k] && j->list[k].vfd < 0)
+			return wh_failed(c);
+	}
+	return WH_OK;
+}
+
+static void close_lists(job *j)
+{
+	for (int k = 0; k < WH_OBJ_LISTS; k++)
+		if (j->list[k].vfd >= 0)
+			wh_spill_close_scratch(j->rw->spill, j->list[k].vfd);
 }
 
 wh_code wh_obj_rewrite(wh_ctx *c, wh_rewrite *rw, const wh_obj *o)
 {
 	const int64_t n = o->lines.chunks;
-	job j = {.obj = o, .lines = &o->lines, .start = o->start, .rw = rw, .uv = {.vfd = -1}};
-	for (int k = 0; k < 3; k++)
-		j.colour[k] = wh_attributes_find(rw->attributes, 3 + k);
+	job j = {.obj = o,
+	         .lines = &o->lines,
+	         .start = o->start,
+	         .rw = rw,
+	         .list = {{.vfd = -1}, {.vfd = -1}}};
+	for (int k = 0; k < 3; k++) {
+		const int normal = o->coloured ? 6 + k : 3 + k;
+		j.colour[k] = o->coloured ? wh_attributes_find(rw->attributes, 3 + k) : NULL;
+		j.normal[k] = o->normals == WH_OBJ_NORMALS_OF_VERTICES
+		                  ? wh_attributes_find(rw->attributes, normal)
+		                  : NULL;
+	}
 	wh_code code = make_readers(c, &j, rw->ex->workers);
 	if (code == WH_OK)
-		code = open_texcoords(c, &j);
+		code = open_lists(c, &j);
 	if (code == WH_OK)
 		code = wh_exec_for(c, rw->ex, n, vertices_job, &j);
+	if (code == WH_OK)
+		code = give_normals(c, &j);
 	if (code == WH_OK)
 		code = wh_rewrite_start_faces(c, rw);
 	if (code == WH_OK)
 		code = wh_exec_ordered(c, rw->ex, n, faces_job, take_job, &j);
 	free_readers(c, &j, rw->ex->workers);
-	if (j.uv.vfd >= 0)
-		wh_spill_close_scratch(rw->spill, j.uv.vfd);
+	close_lists(&j);
 	return code;
 }

@@ -149,7 +149,9 @@ static void note_element(wh_run *r, const char *name)
 {
 	const wh_wedges *w = &r->input.wedges;
 	const bool obj = r->input.ply.kind == WH_FORMAT_OBJ;
-	const bool kept = (strcmp(name, "texture coordinates") == 0 && w->corner.n) ||
+	const bool normals = w->corner.has_normal || r->input.attributes.has_normal;
+	const bool kept = (strcmp(name, "texture coordinates") == 0 && w->corner.has_texture) ||
+	                  (strcmp(name, "normals") == 0 && normals) ||
 	                  (strcmp(name, "materials") == 0 && w->materials && w->face.n) ||
 	                  (strcmp(name, "groups") == 0 && w->groups && w->face.n) ||
 	                  (strcmp(name, "material libraries") == 0 && w->bytes &&
@@ -163,8 +165,10 @@ static void note_wedges(wh_run *r)
 {
 	wh_reduce_report *t = r->report;
 	const wh_wedges *w = &r->input.wedges;
-	if (w->corner.n && !w->of_vertices)
+	if (w->list >= 0)
 		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
+	if (w->normals >= 0)
+		note_name(t->carried, sizeof t->carried, "normals of corners");
 	for (uint32_t i = 0; i < w->face.n; i++) {
 		char name[300];
 		if (!is_written(r, w->face.item[i].name))

@@ -171,9 +171,11 @@ wh_wanted wh_run_wanted(const wh_run *r)
 static const wh_attributes *doubled(const wh_run *r)
 {
 	const wh_input *in = &r->input;
-	const bool vertices_only = r->to == WH_FORMAT_OFF || r->to == WH_FORMAT_GLB ||
-	                           (r->to == WH_FORMAT_PLY && in->wedges.of_vertices);
-	return in->wedges.corner.n && vertices_only ? &in->whole : NULL;
+	const wh_wedges *w = &in->wedges;
+	const bool vertices_only =
+	    r->to == WH_FORMAT_OFF || r->to == WH_FORMAT_GLB ||
+	    (r->to == WH_FORMAT_PLY && (w->of_vertices || w->corner.has_normal));
+	return w->corner.n && vertices_only ? &in->whole : NULL;
 }
 
 /* The one texture that the input names; the texture of one among several belongs to no mesh. */
