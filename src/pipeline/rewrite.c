@@ -210,3 +210,14 @@ wh_code wh_rewrite_bad_index(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *
 	               " vertices); remove such faces first",
 	               w->ply->path, e->name, item, place, (int64_t)id, w->source.nv);
 }
+
+wh_code wh_rewrite_bad_texcoords(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *e,
+                                 uint64_t item, uint64_t values, uint64_t n, const char *place)
+{
+	return wh_fail(c, WH_E_INPUT,
+	               "'%s', %s %" PRIu64 " (%s): %s has %" PRIu64 " values for %" PRIu64
+	               " corners, where there are two for each, or none at all; --attributes none "
+	               "goes on without them",
+	               w->ply->path, e->name, item, place, e->props[w->wedges->list].name, values,
+	               n);
+}

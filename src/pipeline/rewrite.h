@@ -103,6 +103,16 @@ wh_code wh_rewrite_take(wh_ctx *c, wh_rewrite *w, wh_facer *f);
 wh_code wh_rewrite_bad_index(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *e, uint64_t item,
                              uint64_t id, const char *place);
 
+/* The list of texture coordinates of a face of n corners has so many values, which are neither two
+ * for each corner nor none. */
+wh_code wh_rewrite_bad_texcoords(wh_ctx *c, const wh_rewrite *w, const wh_ply_elem *e,
+                                 uint64_t item, uint64_t values, uint64_t n, const char *place);
+
+static inline bool wh_is_texcoords(uint64_t values, uint64_t n)
+{
+	return values == 0 || (values % 2 == 0 && values / 2 == n);
+}
+
 /* Is `id`, read from items of type t, the mark between two strips of one list? */
 static inline bool wh_is_restart(uint64_t id, wh_type t)
 {

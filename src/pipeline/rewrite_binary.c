@@ -289,24 +289,30 @@ static wh_code load_corners(wh_ctx *c, faces *f, struct worker *k, const unsigne
 	return WH_OK;
 }
 
-/* Texture coordinates of the n corners, from a list that is known to be whole. One of another
- * length says nothing. */
-static void load_texcoords(const faces *f, const unsigned char *p, uint64_t n, uint64_t values,
+/* Texture coordinates of corners, from a list of so many values that is known to be whole. */
+static void load_texcoords(const faces *f, const unsigned char *p, uint64_t values,
                            uint8_t *carried)
 {
 	const wh_wedges *w = f->rw->wedges;
 	const uint32_t size = wh_type_size(w->corner.item[0].type);
-	if (values != 2 * n)
-		return;
-	for (uint64_t i = 0; i < 2 * n; i++, p += size)
+	for (uint64_t i = 0; i < values; i++, p += size)
 		wh_attribute_load(&w->corner.item[i % 2], p, f->l.swap,
 		                  carried + i / 2 * w->corner.bytes);
 }
 
-/* What the face of n corners at p carries, which is known to be whole. */
-static wh_code load_carried(wh_ctx *c, const faces *f, struct worker *k, wh_facer *facer,
-                            const unsigned char *p, uint64_t n)
+static wh_code bad_texcoords(wh_ctx *c, const faces *f, uint64_t item, uint64_t values, uint64_t n,
+                             uint64_t at)
 {
+	char place[40];
+	place_byte(place, at);
+	return wh_rewrite_bad_texcoords(c, f->rw, f->l.elem, item, values, n, place);
+}
+
+/* What the face of n corners at p carries, which is known to be whole. `at` is p's offset. */
+static wh_code load_carried(wh_ctx *c, const faces *f, struct worker *k, wh_facer *facer,
+                            const unsigned char *p, uint64_t n, uint64_t item, uint64_t at)
+{
+	const unsigned char *const start = p;
 	const wh_wedges *w = f->rw->wedges;
 	uint8_t *to = wh_rewrite_carried(c, f->rw, &k->carried, &k->carried_cap, (size_t)n);
 	if (!to)
@@ -321,8 +327,10 @@ static wh_code load_carried(wh_ctx *c, const faces *f, struct worker *k, wh_face
 			values = wh_load_integer(p, q->count_type, f->l.swap);
 			p += wh_type_size(q->count_type);
 		}
+		if (i == w->list && !wh_is_texcoords(values, n))
+			return bad_texcoords(c, f, item, values, n, at + (uint64_t)(p - start));
 		if (i == w->list)
-			load_texcoords(f, p, n, values, to);
+			load_texcoords(f, p, values, to);
 		if (a)
 			wh_attribute_load(a, p, f->l.swap, record);
 		p += values * wh_type_size(q->type);
@@ -357,7 +365,7 @@ static wh_code decode_face(wh_ctx *c, faces *f, struct worker *k, wh_facer *face
 	if ((uint64_t)(end - p) < f->l.tail)
 		return changed_meanwhile(c, &f->l);
 	*used = (size_t)(p - start) + (size_t)f->l.tail;
-	if (f->rw->wedges && load_carried(c, f, k, facer, start, corners) != WH_OK)
+	if (f->rw->wedges && load_carried(c, f, k, facer, start, corners, item, at) != WH_OK)
 		return c->err.code;
 	return wh_facer_add(c, facer, k->ids, (size_t)corners);
 }

@@ -319,15 +319,18 @@ static wh_code add_strip(wh_ctx *c, const job *j, wh_facer *f, const uint64_t *i
 	return WH_OK;
 }
 
-/* Tells the facer what the face of the line at hand carries. */
+/* Tells the facer what the face of the line at hand carries. WH_E_IRREGULAR: that is damaged, as
+ * whoever goes through the words will say. */
 static wh_code carry(wh_ctx *c, const job *j, scratch *w, found lists, wh_facer *f)
 {
 	const wh_wedges *we = j->rw->wedges;
 	const size_t n = (size_t)lists.corners;
+	if (!wh_is_texcoords(lists.texcoords, n))
+		return WH_E_IRREGULAR;
 	uint8_t *to = wh_rewrite_carried(c, j->rw, &w->carried, &w->carried_cap, n);
 	if (!to)
 		return c->err.code;
-	for (size_t i = 0; lists.texcoords == 2 * n && i < 2 * n; i++)
+	for (size_t i = 0; i < lists.texcoords; i++)
 		wh_attribute_set(&we->corner.item[i % 2], to + i / 2 * we->corner.bytes, w->uv[i]);
 	memcpy(to + n * we->corner.bytes, w->face, we->face.bytes);
 	f->carried = to;
@@ -350,9 +353,8 @@ static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *
 	for (size_t i = 0; i < n; i++)
 		if (w->ids[i] >= j->rw->source.nv)
 			return WH_E_IRREGULAR;
-	if (we && carry(c, j, w, lists, f) != WH_OK)
-		return c->err.code;
-	return wh_facer_add(c, f, w->ids, (size_t)n);
+	const wh_code code = we ? carry(c, j, w, lists, f) : WH_OK;
+	return code == WH_OK ? wh_facer_add(c, f, w->ids, (size_t)n) : code;
 }
 
 /* Vertex number `at` of those of this chunk. */

@@ -318,16 +318,25 @@ static wh_code read_texcoords(wh_ctx *c, reader *r)
 	return WH_OK;
 }
 
+static wh_code bad_texcoords(wh_ctx *c, const reader *r)
+{
+	char place[40];
+	(void)snprintf(place, sizeof place, "line %" PRIu64, r->line);
+	return wh_rewrite_bad_texcoords(c, r->rw, r->elem, r->item, r->n_uv, r->n_ids, place);
+}
+
 /* Adds the face that was read, with what it carries. */
 static wh_code add_face(wh_ctx *c, reader *r, wh_facer *f)
 {
 	const wh_wedges *w = r->rw->wedges;
 	f->carried = NULL;
+	if (w && !wh_is_texcoords(r->n_uv, r->n_ids))
+		return bad_texcoords(c, r);
 	if (w) {
 		uint8_t *to = wh_rewrite_carried(c, r->rw, &r->carried, &r->carried_cap, r->n_ids);
 		if (!to)
 			return c->err.code;
-		for (size_t i = 0; r->n_uv == 2 * r->n_ids && i < r->n_uv; i++)
+		for (size_t i = 0; i < r->n_uv; i++)
 			wh_attribute_set(&w->corner.item[i % 2], to + i / 2 * w->corner.bytes,
 			                 r->uv[i]);
 		memcpy(to + r->n_ids * w->corner.bytes, r->face, w->face.bytes);

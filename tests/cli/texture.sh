@@ -347,6 +347,33 @@ printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 nan\nf 1/1 2/2 3/9\nf 2
 expect 0 "$WHITTLE" reduce -q odd.obj -o odd.ply --faces 100%
 grep -q 'texcoord' odd.ply || fail "no texture coordinates"
 
+# a list of texture coordinates that is neither two for each corner nor empty is damage
+listed() {
+	printf 'ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 0\n3 0 2 3 %s\n' "$1" >listed.ply
+}
+for list in '5 0 0 1 0 1' '7 0 0 1 0 1 1 0' '1 0' '3 0 1 2' '12 0 0 0 0 0 0 0 0 0 0 0 0'; do
+	listed "$list"
+	expect 3 "$WHITTLE" reduce listed.ply -o never.ply --faces 1
+	grep -q "listed.ply', face 1 (line 16): texcoord has ${list%% *} values for 3 corners" err || fail "$list: $(cat err)"
+	python3 - <<-'END' || fail "no binary"
+		text = open("listed.ply").read().replace("format ascii", "format binary_big_endian")
+		import struct
+		head, body = text.split("end_header\n")
+		rows = [l.split() for l in body.splitlines()]
+		out = b"".join(struct.pack(">3f", *map(float, r)) for r in rows[:4])
+		for r in rows[4:]:
+		    out += struct.pack(">B3iB", 3, *map(int, r[1:4]), int(r[4])) + b"".join(struct.pack(">f", float(x)) for x in r[5:])
+		open("binary.ply", "wb").write((head + "end_header\n").encode() + out)
+	END
+	expect 3 "$WHITTLE" reduce binary.ply -o never.ply --faces 1
+	grep -q "binary.ply', face 1 (byte [0-9]*): texcoord has ${list%% *} values for 3 corners" err || fail "$list: $(cat err)"
+	expect 0 "$WHITTLE" reduce -q listed.ply -o without.ply -f --faces 2 --attributes none
+done
+for list in 0 '6 0 0 1 0 1 1'; do
+	listed "$list"
+	expect 0 "$WHITTLE" reduce -q listed.ply -o with.ply -f --faces 2
+done
+
 # a picture with it; the same with windows; without a texture to be found
 python3 - <<'END' || fail "no picture made"
 import struct, zlib
