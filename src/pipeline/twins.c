@@ -1,11 +1,12 @@
 /*
  * In steps, of which the first tells whether there is anything to do:
  *
- *     places  vertices at one position have a place, the id of one of them (pipeline/near)
- *     edges   edges of faces with an end at a place of several vertices, by the window of one end
- *     name    places instead of ends, one window at a time, for either end; to buckets by the
- * places match   bucket by bucket: of two opposite edges alone between two places, ends are copies;
- * to buckets by the place join    bucket by bucket: sets of copies
+ * - places: vertices at one position have a place, the id of one of them (pipeline/near);
+ * - edges: those of faces with an end at a place of several vertices, by the window of one end;
+ * - name: places instead of ends, one window at a time, for either end; to buckets by the places;
+ * - match: bucket by bucket, of two opposite edges alone between two places ends are copies; to
+ *   buckets by the place;
+ * - join: bucket by bucket, sets of copies.
  *
  * Records that depend on each other lie in one bucket, and what comes out depends on no order, so
  * windows, buckets and workers decide nothing. Cost: sorting what lies along borders; memory is a
