@@ -107,7 +107,7 @@ static void wrong_lines_of_obj_are_named(void **state)
 	const ply_file nan = ply_write("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n");
 	ply_assert_refused(&nan, "not a finite", NULL);
 	const ply_file points = ply_write("v 0 0 0\nv 1 0 0\nv 0 1 0\np 1 2 3\n");
-	ply_assert_refused(&points, "nothing to reduce", NULL);
+	ply_assert_refused(&points, "no mesh", NULL);
 }
 
 /* ---- floats or doubles -------------------------------------------------------------------- */
@@ -245,7 +245,7 @@ static void wrong_stl_is_refused(void **state)
 	ply_assert_refused(&p, "facet 1, corner 1", "finite", NULL);
 	free(s.bytes);
 	p = ply_write("solid x\nfacet\nvertex 0 0 0\nvertex 1 0 0\nendloop\n");
-	ply_assert_refused(&p, "nothing to reduce", NULL);
+	ply_assert_refused(&p, "no mesh", NULL);
 	p = ply_write("solid x\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 1 1 1\nendloop\n");
 	ply_assert_refused(&p, "line 6", "three", NULL);
 	p = ply_write("solid x\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\nvertex 1 1 1\n");

@@ -126,7 +126,7 @@ static void files_without_faces_have_nothing_to_reduce(void **state)
 		char text[512];
 		(void)snprintf(text, sizeof text, "ply\nformat ascii 1.0\n%s", elements[i]);
 		ply_file p = ply_write(text);
-		ply_assert_refused(&p, "nothing to reduce", NULL);
+		ply_assert_refused(&p, "no mesh", NULL);
 	}
 }
 

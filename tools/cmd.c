@@ -154,6 +154,11 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out)
 	return true;
 }
 
+bool cmd_parse_samples(const char *text, int64_t *out)
+{
+	return cmd_parse_count(text, false, out) && *out >= 1 && *out <= 1000000000000;
+}
+
 bool cmd_parse_percent(const char *text, double *share)
 {
 	char copy[64];

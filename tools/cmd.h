@@ -49,6 +49,9 @@ int cmd_usage_error(const char *name, const char *fmt, ...) __attribute__((forma
  * when it is not such a number or does not fit in 63 bits. */
 bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 
+/* Points to measure at: a count from 1 to 10^12. */
+bool cmd_parse_samples(const char *text, int64_t *out);
+
 /* A ceiling of memory: a size of 1M or more. */
 bool cmd_parse_memory(const char *text, size_t *bytes);
 

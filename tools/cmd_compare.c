@@ -41,7 +41,7 @@ static void print_help(void)
 	    "where both meshes have them: how far red, green and blue of a point and of the\n"
 	    "nearest one are apart (root mean square of the three, 0 to 255).\n\n"
 	    "  --json          print JSON instead of a table; it has a histogram as well\n"
-	    "  --samples N     points a side (default: 1M, or the larger mesh's faces if more)\n"
+	    "  --samples N     points a side (default: the larger mesh's faces, but 1M to 4M)\n"
 	    "  --seed N        other points (default 0)\n"
 	    "  --memory SIZE   ceiling of the process: 512M, 4G, K = 1024 (default: half of the\n"
 	    "                  machine's, its control group's or the job's); the figures do not\n"
@@ -64,7 +64,7 @@ static int parse_number(const char *name, const char *what, const char *text, in
 {
 	if (cmd_parse_count(text, false, out))
 		return WH_OK;
-	return cmd_usage_error(name, "--%s \"%s\" is no number", what, text);
+	return cmd_usage_error(name, "--%s \"%s\" is no count from 0 to 2^63", what, text);
 }
 
 static int parse_option(const char *name, int opt, options *o)
@@ -74,11 +74,10 @@ static int parse_option(const char *name, int opt, options *o)
 		o->json = true;
 		return WH_OK;
 	case 'n':
-		if (parse_number(name, "samples", optarg, &o->samples) != WH_OK)
-			return WH_E_USAGE;
-		if (o->samples < 1)
-			return cmd_usage_error(name, "--samples must be 1 at least");
-		return WH_OK;
+		return cmd_parse_samples(optarg, &o->samples)
+		           ? WH_OK
+		           : cmd_usage_error(name, "--samples \"%s\" is no count from 1 to 1000G",
+		                             optarg);
 	case 'm':
 		return cmd_parse_memory(optarg, &o->memory)
 		           ? WH_OK
@@ -215,8 +214,10 @@ static void print_table(const wh_compare *r)
 	const double percent = compare_millionths(1, r->diagonal) / 1e4;
 	(void)printf("%-26s%14s%14s%14s\n", "", "A to B", "B to A", "both");
 	print_block(r, "distance", 1, "%14.6g");
-	print_block(r, "% of the diagonal", percent, "%14.6f");
-	print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
+	if (r->diagonal > 0) {
+		print_block(r, "% of the diagonal", percent, "%14.6f");
+		print_block(r, "millionths of the diagonal", percent * 1e4, "%14.2f");
+	}
 	print_normals(r);
 	print_colours(r);
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "samples", r->a_to_b.samples,
@@ -224,8 +225,11 @@ static void print_table(const wh_compare *r)
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
 	             r->a_to_b.vertices, r->b_to_a.vertices, r->both.vertices);
 	(void)printf("%-26s%14.9g\n", "diagonal of A", r->diagonal);
-	(void)printf("%-26s%14.6g = %.2f millionths of the diagonal\n", "larger RMS", r->rms,
-	             compare_millionths(r->rms, r->diagonal));
+	(void)printf("%-26s%14.6g", "larger RMS", r->rms);
+	if (r->diagonal > 0)
+		(void)printf(" = %.2f millionths of the diagonal",
+		             compare_millionths(r->rms, r->diagonal));
+	(void)printf("\n");
 }
 
 static json_t *json_seams(const options *o, const results *r)

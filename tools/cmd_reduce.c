@@ -66,6 +66,7 @@ static const char help[] =
     "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
     "      --report FILE     what was done, as JSON\n"
     "      --measure         how far each result is from IN, in the summary and the report\n"
+    "      --samples N       points a side to measure with (default: as compare)\n"
     "      --seams FILE      vertices that two clusters used at first, as a PLY of points\n"
     "  -f, --force           write over existing outputs\n"
     "  -q, --quiet           no progress and no summary (--no-progress: no progress)\n"

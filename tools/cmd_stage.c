@@ -121,6 +121,23 @@ static bool take_option(stage_options *o, int opt, const char *arg)
 	}
 }
 
+/* What an option's value has to be, for messages. */
+static const char *expected(int opt)
+{
+	switch (opt) {
+	case OPT_PART:
+		return "a part such as 3/16, from 1/16 to 16/16, of 65536 at most";
+	case OPT_ROUND:
+		return "a round from 1 to 1000";
+	case OPT_THREADS:
+		return "a number of threads from 0 to 1024";
+	case OPT_MEMORY:
+		return "a size of 1M or more, such as 512M or 4G";
+	default:
+		return "the name of a folder";
+	}
+}
+
 static bool find_stage(const char *name, stage_options *o)
 {
 	for (o->stage = 0; o->stage < sizeof stages / sizeof *stages; o->stage++)
@@ -141,7 +158,7 @@ static int parse(int argc, char **argv, stage_options *o)
 			return cmd_usage_error("stage", "%s: unknown or ambiguous option",
 			                       argv[optind - 1]);
 		if (!take_option(o, opt, optarg))
-			return cmd_usage_error("stage", "'%s' makes no sense here", optarg);
+			return cmd_usage_error("stage", "'%s' is not %s", optarg, expected(opt));
 	}
 	if (o->help)
 		return WH_OK;

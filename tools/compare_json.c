@@ -69,10 +69,11 @@ static json_t *json_side(const wh_distance *d, double diagonal)
 	(void)json_object_set_new(j, "normal", json_normals(d));
 	if (d->colours > 0)
 		(void)json_object_set_new(j, "colour", json_colours(d));
-	(void)json_object_set_new(j, "percent",
-	                          json_figures(d, compare_millionths(1, diagonal) / 1e4));
-	(void)json_object_set_new(j, "millionths",
-	                          json_figures(d, compare_millionths(1, diagonal)));
+	if (diagonal > 0) {
+		const double millionths = compare_millionths(1, diagonal);
+		(void)json_object_set_new(j, "percent", json_figures(d, millionths / 1e4));
+		(void)json_object_set_new(j, "millionths", json_figures(d, millionths));
+	}
 	(void)json_object_set_new(j, "histogram", json_histogram(&d->histogram));
 	return j;
 }
@@ -105,8 +106,9 @@ int compare_json_fill(json_t *j, const wh_compare *r)
 	json_t *regions = json_array();
 	int bad = json_object_set_new(j, "diagonal", json_real(r->diagonal));
 	bad |= json_object_set_new(j, "rms", json_real(r->rms));
-	bad |= json_object_set_new(j, "rms_millionths",
-	                           json_real(compare_millionths(r->rms, r->diagonal)));
+	if (r->diagonal > 0)
+		bad |= json_object_set_new(j, "rms_millionths",
+		                           json_real(compare_millionths(r->rms, r->diagonal)));
 	bad |= json_object_set_new(j, "normal_rms", json_real(r->normal_rms));
 	if (r->both.colours > 0)
 		bad |= json_object_set_new(j, "colour_rms", json_real(r->colour_rms));

@@ -77,6 +77,7 @@ static wh_code measure_in(wh_ctx *c, const reduce_options *o, const wh_reduce_re
 	                       .other = other,
 	                       .others = list_results(&o->params, r, measured, other),
 	                       .seams = o->params.seams,
+	                       .samples = (uint64_t)o->samples,
 	                       .temp_dir = o->params.temp_dir,
 	                       .fallback = folder,
 	                       .memory = r->memory_ceiling,

@@ -43,6 +43,7 @@ enum {
 	OPT_FINAL,
 	OPT_NO_PROGRESS,
 	OPT_MEASURE,
+	OPT_SAMPLES,
 	OPT_JSON
 };
 
@@ -87,6 +88,7 @@ static const struct option long_options[] = {
     {"verbose", no_argument, NULL, 'v'},
     {"no-progress", no_argument, NULL, OPT_NO_PROGRESS},
     {"measure", no_argument, NULL, OPT_MEASURE},
+    {"samples", required_argument, NULL, OPT_SAMPLES},
     {"json", no_argument, NULL, OPT_JSON},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -257,6 +259,9 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		ok = cmd_parse_from(arg, &format);
 		p->from = arg;
 		break;
+	case OPT_SAMPLES:
+		ok = cmd_parse_samples(arg, &o->samples);
+		break;
 	case OPT_RUN_DIR:
 		ok = *arg != '\0';
 		p->run_dir = arg;
@@ -328,6 +333,8 @@ static const char *expected(int opt)
 		return "a property and a weight, such as colour=0.5";
 	case OPT_RUN_DIR:
 		return "the name of a folder";
+	case OPT_SAMPLES:
+		return "a count from 1 to 1000G";
 	case OPT_PARTS:
 		return "a number from 1 to 65536";
 	case OPT_CLUSTER:
@@ -391,6 +398,8 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return cmd_usage_error(argv[0],
 		                       "--run-dir and --parts go together: DIR is made for "
 		                       "so many parts; see whittle stage --help");
+	if (o->samples && !o->measure && !plan)
+		return cmd_usage_error(argv[0], "--samples needs --measure");
 	if (!o->params.output && (!plan || o->params.run_dir))
 		return cmd_usage_error(argv[0], "no output given: add -o FILE");
 	if (o->params.resume && !o->params.run_dir)

@@ -15,8 +15,9 @@ typedef struct reduce_options {
 	char names[16384];                 /* and their outputs and the last one's */
 	const char *report;
 	bool quiet, verbose, no_progress, help;
-	bool measure; /* the distance of the result from the input */
-	bool json;    /* plan only */
+	bool measure;    /* the distance of the result from the input */
+	int64_t samples; /* to measure it with; 0: what compare takes */
+	bool json;       /* plan only */
 } reduce_options;
 
 /* Fills *o, whose params hold the defaults. `plan`: no output is needed. WH_OK, or the status to

@@ -52,6 +52,20 @@ static const command *find_command(const char *name)
 	return NULL;
 }
 
+static int no_command(const char *name)
+{
+	(void)fprintf(stderr, "whittle: there is no command \"%s\"; see whittle --help\n", name);
+	return WH_E_USAGE;
+}
+
+static int help_of(char *name)
+{
+	static char option[] = "--help";
+	char *words[] = {name, option, NULL};
+	const command *cmd = find_command(name);
+	return cmd ? cmd->run(2, words) : no_command(name);
+}
+
 static int dispatch(int argc, char **argv)
 {
 	if (argc < 2) {
@@ -59,6 +73,8 @@ static int dispatch(int argc, char **argv)
 		return WH_E_USAGE;
 	}
 	const char *first = argv[1];
+	if (strcmp(first, "help") == 0 && argc > 2)
+		return help_of(argv[2]);
 	if (strcmp(first, "--help") == 0 || strcmp(first, "-h") == 0 ||
 	    strcmp(first, "help") == 0) {
 		print_help(stdout);
@@ -70,10 +86,7 @@ static int dispatch(int argc, char **argv)
 		return WH_OK;
 	}
 	const command *cmd = find_command(first);
-	if (cmd)
-		return cmd->run(argc - 1, argv + 1);
-	(void)fprintf(stderr, "whittle: there is no command \"%s\"; see whittle --help\n", first);
-	return WH_E_USAGE;
+	return cmd ? cmd->run(argc - 1, argv + 1) : no_command(first);
 }
 
 int main(int argc, char **argv)

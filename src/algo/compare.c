@@ -13,7 +13,10 @@
  * 128 bins an octave.
  *
  * Compare Metro (Cignoni, Rocchini, Scopigno 1998), which samples face by face in proportion to
- * area with a uniform grid below.
+ * area with a uniform grid below, by default ten times as many points as the larger mesh has faces;
+ * MeshLab takes as many as the sampled mesh has vertices. The error of a mean of n samples falls
+ * with the root of n, whatever the faces: with 4 million it is below a thousandth where the
+ * distances vary by twice their mean, and vertices, which find the maximum, are measured anyway.
  *
  * Cost. Memory: a MiB a worker, and the pages; least 100 KiB. Time: queries about a
  * microsecond each, and a page to be read again costs some 20.
@@ -29,10 +32,12 @@
 #include <string.h>
 
 enum {
-	CHUNK = 4096,    /* samples of a chunk, ... */
-	CHUNK_PAGES = 8, /* ... or pages whose vertices are one */
-	JOBS = 64,       /* a worker, at least, before a job is more than a chunk: ... */
-	JOB_MOST = 64    /* ... chunks next to each other need the same pages */
+	CHUNK = 4096,            /* samples of a chunk, ... */
+	CHUNK_PAGES = 8,         /* ... or pages whose vertices are one */
+	SAMPLES_LEAST = 1000000, /* where none are asked for */
+	SAMPLES_MOST = 4000000,
+	JOBS = 64,    /* a worker, at least, before a job is more than a chunk: ... */
+	JOB_MOST = 64 /* ... chunks next to each other need the same pages */
 };
 
 /* A sample, with what is asked of its face. */
@@ -719,7 +724,9 @@ static wh_code finish_both(comparison *k, wh_compare *r)
 uint64_t wh_compare_samples(const wh_bvh *a, const wh_bvh *b, const wh_compare_params *params)
 {
 	const uint64_t faces = a->faces > b->faces ? a->faces : b->faces;
-	return params->samples ? params->samples : faces > 1000000 ? faces : 1000000;
+	if (params->samples)
+		return params->samples;
+	return faces < SAMPLES_LEAST ? SAMPLES_LEAST : faces > SAMPLES_MOST ? SAMPLES_MOST : faces;
 }
 
 wh_code wh_compare_surfaces(wh_ctx *c, const wh_exec *ex, wh_bvh *a, wh_bvh *b,

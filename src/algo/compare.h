@@ -33,8 +33,8 @@ typedef wh_code (*wh_points_fetch)(wh_ctx *c, void *user, uint64_t first, size_t
                                    wh_vec3 *points);
 
 typedef struct wh_compare_params {
-	uint64_t samples;    /* a side; 0: 1 million, or the faces of the larger mesh if more */
-	uint64_t seed;       /* sample i is a function of seed and i alone */
+	uint64_t samples; /* a side; 0: as many as the larger mesh has faces, from 1 to 4 million */
+	uint64_t seed;    /* sample i is a function of seed and i alone */
 	const wh_vec3 *cuts; /* points along cuts, finite; NULL: no band is asked for, but ... */
 	uint64_t ncuts;
 	wh_points_fetch fetch_cuts; /* ... by this, where it is not NULL */

@@ -22,7 +22,7 @@ enum {
 
 static wh_code nothing(wh_ctx *c, const wh_ply *p, const char *why)
 {
-	return wh_fail(c, WH_E_INPUT, "'%s' has nothing to reduce: %s", p->path, why);
+	return wh_fail(c, WH_E_INPUT, "'%s' is no mesh: %s", p->path, why);
 }
 
 static bool has_element(const wh_ply *p, const char *name)

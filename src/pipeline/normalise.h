@@ -60,7 +60,7 @@ wh_code wh_input_describe(wh_ctx *c, const wh_exec *ex, wh_spill *spill, const c
                           wh_format from, wh_input *in);
 /*
  * Opens the file and makes its source. `spill` is where a rewritten body goes. Files without a
- * vertex element, without faces or with zero faces are WH_E_INPUT ("nothing to reduce").
+ * vertex element, without faces or with zero faces are WH_E_INPUT ("is no mesh").
  * A rewritten body leaves out degenerate triangles and counts them; one used in place may hold
  * triangles with repeated corners, which readers drop themselves.
  */

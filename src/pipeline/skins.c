@@ -2,6 +2,7 @@
 
 #include "io/mtl.h"
 
+#include <stdio.h>
 #include <string.h>
 
 void wh_skins_free(wh_ctx *c, wh_skins *s)
@@ -48,6 +49,14 @@ static wh_code load_of_ply(wh_ctx *c, const wh_input *in, wh_skins *s)
 	return s->of ? WH_OK : c->err.code;
 }
 
+/* Adds to the failure of a picture which file has named it. */
+static void tell_source(wh_ctx *c, const wh_names *libraries)
+{
+	const size_t used = strlen(c->err.text);
+	(void)snprintf(c->err.text + used, sizeof c->err.text - used, "; named by '%s'%s",
+	               libraries->item[0], libraries->n > 1 ? " or another material file" : "");
+}
+
 /* Materials are counted from 1. */
 static wh_code load_of_obj(wh_ctx *c, const wh_input *in, wh_skins *s)
 {
@@ -56,6 +65,8 @@ static wh_code load_of_obj(wh_ctx *c, const wh_input *in, wh_skins *s)
 	if (wh_mtl_read(c, in->ply.path, in->wedges.libraries, materials, &m) != WH_OK)
 		return c->err.code;
 	wh_code code = load_images(c, in, &m.textures, s);
+	if (code == WH_E_INPUT)
+		tell_source(c, in->wedges.libraries);
 	s->label = find_label(&in->wedges, "material");
 	s->n_of = materials->n + 1;
 	s->of = code == WH_OK ? wh_alloc(c, s->n_of, sizeof *s->of) : NULL;

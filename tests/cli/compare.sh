@@ -90,6 +90,8 @@ expect 0 "$WHITTLE" compare a.ply cut.ply --samples 1K --seams none.ply --json
 grep -q '"rms_ratio": null' out || fail "no null for a ratio that is undefined"
 
 # reduce measures its result by itself, with the same figures
+expect 0 "$WHITTLE" reduce b.ply -o few.ply --faces 30% --measure --samples 5K --report few.json
+grep -q '"samples": 10000' few.json || fail "not measured with so many samples"
 expect 0 "$WHITTLE" reduce b.ply -o measured.ply --faces 30% --measure --seams points.ply --report report.json
 grep -q '^measured: RMS ' out && grep -q '^along the seams: RMS ' out || fail "not measured: $(cat out)"
 rms=$(sed -n 's/^measured: RMS [^(]*(\([0-9.]*\) mill.*/\1/p' out)
@@ -138,6 +140,15 @@ expect 2 "$WHITTLE" compare a.ply
 expect 2 "$WHITTLE" compare a.ply b.ply low.ply
 expect 2 "$WHITTLE" compare a.ply b.ply --samples 0
 expect 2 "$WHITTLE" compare a.ply b.ply --samples many
+expect 2 "$WHITTLE" compare a.ply b.ply --samples 99999999999999999999
+grep -q 'no count from 1 to 1000G' err || fail "too many samples: $(cat err)"
+expect 2 "$WHITTLE" reduce a.ply -o small.ply --faces 1K --samples 10K
+expect 0 "$WHITTLE" help compare
+grep -q '^usage: whittle compare A B' out || fail "no help: $(cat out)"
+expect 2 "$WHITTLE" help nonsense
+sed 's/^element face .*/element face 0/; /^3 [012] [12] [23]$/d' low.ply >points.ply
+expect 3 "$WHITTLE" compare a.ply points.ply
+grep -q "'points.ply' is no mesh: it has no faces" err || fail "an empty mesh: $(cat err)"
 expect 2 "$WHITTLE" compare a.ply b.ply --seed
 expect 2 "$WHITTLE" compare a.ply b.ply --nonsense
 expect 2 "$WHITTLE" compare a.ply b.ply --memory 0

@@ -53,6 +53,9 @@ all_stages() {
 	whole "$*"
 }
 
+expect 2 "$WHITTLE" stage ingest --run-dir run --part 0/3
+grep -q "'0/3' is not a part such as 3/16" err || fail "what a part is: $(cat err)"
+
 # ---- bytes ----
 # one mesh in memory at the end, by more parts than there are pieces of the input (below: streamed)
 for run in "6 --faces 4K"; do
