@@ -36,7 +36,8 @@ static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const survey_run *r = arg;
 	wh_hand *h = &r->hands[worker];
-	if (wh_store_load(c, r->store, survey_cluster(r, index), &h->scratch, &h->patch) != WH_OK ||
+	if (wh_hand_ready(c, h) != WH_OK ||
+	    wh_store_load(c, r->store, survey_cluster(r, index), &h->scratch, &h->patch) != WH_OK ||
 	    wh_cluster_survey(c, h->work, &h->patch, r->piece_faces, r->pieces, r->params,
 	                      &r->part[index]) != WH_OK)
 		return c->err.code;
@@ -168,6 +169,8 @@ static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	uint32_t k;
 	if (!wh_round_turn(r->from, r->to, r->order, index, &k) || is_elsewhere(c, r, k))
 		return WH_OK;
+	if (wh_hand_ready(c, h) != WH_OK)
+		return c->err.code;
 	wh_round_result *out = &r->part[k];
 	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
 		return pass_over(c, r, k);

@@ -150,6 +150,8 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	uint32_t k;
 	if (!wh_round_turn(s->from, s->to, s->order, index, &k) || is_elsewhere(s, k))
 		return WH_OK;
+	if (wh_hand_ready(c, h) != WH_OK)
+		return c->err.code;
 	if (s->to->ledger && recall_trial(c, s, k, &h->scratch))
 		return pass_over(c, s, k);
 	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
@@ -199,6 +201,8 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	wh_hand *h = &s->hands[worker];
 	const uint32_t k = (uint32_t)s->order[index];
 	wh_round_result *out = &s->part[k];
+	if (wh_hand_ready(c, h) != WH_OK)
+		return c->err.code;
 	if (wh_ledger_is_saved(c, s->to, k, &h->scratch, out, sizeof *out))
 		return pass_over(c, s, k);
 	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
@@ -222,7 +226,8 @@ static wh_code take_one(wh_ctx *c, settle *s, uint32_t k, bool overshoot, uint32
 {
 	wh_hand *h = &s->hands[0];
 	*taken = 0;
-	if (wh_store_load(c, s->to, k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_hand_ready(c, h) != WH_OK ||
+	    wh_store_load(c, s->to, k, &h->scratch, &h->patch) != WH_OK)
 		return c->err.code;
 	const uint32_t before = h->patch.nf;
 	if (before < 2)
