@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #define XXH_STATIC_LINKING_ONLY /* the size of its state */
@@ -290,6 +291,21 @@ static wh_code no_space(wh_ctx *c, const wh_spill *s, uint64_t more)
 	               "no space left in '%s' (%" PRIu64 " bytes of temporary files there, %" PRIu64
 	               " more to come next%s; %s); %s",
 	               s->dir, (uint64_t)atomic_load(&s->held), more, all, why, remedy(s));
+}
+
+wh_code wh_spill_foresee(wh_ctx *c, const wh_spill *s)
+{
+	const uint64_t held = atomic_load(&s->held);
+	struct statvfs st;
+	if (s->planned <= held || fstatvfs(s->dirfd, &st) != 0 || st.f_blocks == 0)
+		return WH_OK;
+	const uint64_t need = s->planned - held, room = (uint64_t)st.f_bavail * st.f_frsize;
+	if (room >= need - need / 10)
+		return WH_OK;
+	return wh_fail(c, WH_E_PLAN,
+	               "'%s' has %" PRIu64 " bytes free, and this run will need about %" PRIu64
+	               " there: make room, or use %s to choose another place",
+	               s->dir, room, need, s->kept ? "--run-dir" : "--temp-dir");
 }
 
 /* What a descriptor was opened as, for messages. */

@@ -83,6 +83,12 @@ wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to
 void wh_spill_remove(wh_spill *s, const char *name);
 bool wh_spill_has(const wh_spill *s, const char *name);
 
+/*
+ * WH_E_PLAN where the folder's file system has less room than nine tenths of what is still to come
+ * of `planned`: names both, and the remedy.
+ */
+wh_code wh_spill_foresee(wh_ctx *c, const wh_spill *s);
+
 /* pwrite and pread of exactly n bytes, counted; a short read is WH_E_RUN (a damaged temporary
  * file), a full disk names the folder and suggests --temp-dir. */
 wh_code wh_spill_pwrite(wh_ctx *c, wh_spill *s, int fd, const void *buf, size_t n, uint64_t off);

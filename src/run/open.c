@@ -309,9 +309,8 @@ static wh_code ingest_once(wh_run *r)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
 	r->spill.planned = r->plan.peak_disk;
-	const wh_code cleaned = wh_run_clean_input(r);
-	if (cleaned != WH_OK)
-		return cleaned;
+	if (wh_spill_foresee(r->c, &r->spill) != WH_OK || wh_run_clean_input(r) != WH_OK)
+		return r->c->err.code;
 	wh_ingest_params p = {.clusters = r->plan.clusters,
 	                      .cuts = r->params->seams ? &r->cuts : NULL,
 	                      .digest = r->journaled ? &r->digest : NULL};
