@@ -306,9 +306,12 @@ static const double CUT_SHARE = 0.15, SHELL_SHARE = 2;
 
 static wh_code operate(wh_engine *e, wh_surgery *s, double cost, double weight, double err)
 {
+	if (e->wedges)
+		wh_wedges_before_surgery(e);
 	if (e->params->attributes)
 		wh_blend_ends(e, &e->w->trial);
-	if (wh_surgery_perform(e, s, err) != WH_OK)
+	if (wh_surgery_perform(e, s, err) != WH_OK ||
+	    (e->wedges && wh_wedges_after_surgery(e, s) != WH_OK))
 		return e->c->err.code;
 	note_change(e, s->kind, cost, weight, err, s->nshared,
 	            s->kind == WH_HOLE   ? 1
@@ -341,6 +344,10 @@ static wh_code try_surgery(wh_engine *e, uint32_t i, uint32_t bucket, verdict *o
 	*out = DEFERRED;
 	if (wh_queue_bucket(&e->w->queue, cost) > bucket + slack(e))
 		return WH_OK;
+	if (e->wedges && !wh_wedges_plan_surgery(e, s, &e->w->trial)) {
+		*out = REJECTED;
+		return WH_OK;
+	}
 	*out = TAKEN;
 	return operate(e, s, cost, weight, err);
 }
@@ -361,6 +368,8 @@ static wh_code try_shell(wh_engine *e, uint32_t v, uint32_t bucket, verdict *out
 	}
 	for (uint32_t i = 0; i < s.n; i++) {
 		wh_queue_remove(&e->w->queue, s.id[i]);
+		if (e->wedges)
+			wh_wedges_drop(e, s.id[i]);
 		if (wh_ring_set(e, s.id[i], NULL, 0) != WH_OK)
 			return e->c->err.code;
 		bury(e, s.id[i]);
@@ -582,7 +591,7 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 	               .params = params,
 	               .manner = params->fast ? &fast : &usual,
 	               .result = result,
-	               .surgery = params->free_topology && !params->sink && !params->wedges,
+	               .surgery = params->free_topology && !params->sink,
 	               .wedges = params->wedges,
 	               .weighted = params->attributes && params->attributes->weighted,
 	               .faces = p->nf,

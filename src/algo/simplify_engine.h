@@ -103,6 +103,8 @@ typedef struct wh_trial {
 	wh_row gain[9]; /* what the sum of neighbour i gains */
 } wh_trial;
 
+enum { WH_OF_U = 1, WH_OF_V = 2 }; /* bits */
+
 /* Some neighbours of the new vertex of a collapse, in order: its ring, or one of its two. */
 typedef struct wh_sheet {
 	uint32_t n;
@@ -125,6 +127,17 @@ typedef struct wh_surgery {
 	uint32_t inner, outer; /* w's ring in two */
 	uint32_t inside[WH_ROW], outside[WH_ROW];
 } wh_surgery;
+
+/* Stand in rings for the new vertices while those still have their former names. */
+static inline uint32_t wh_holder(uint32_t sheet)
+{
+	return UINT32_MAX - 2 - sheet;
+}
+
+static inline bool wh_is_holder(uint32_t id)
+{
+	return id == wh_holder(0) || id == wh_holder(1);
+}
 
 static inline uint32_t wh_surgery_sheets(const wh_surgery *s)
 {
@@ -416,6 +429,17 @@ bool wh_wedges_plan(wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i, con
 /* Makes it so, with the trial's commit in between. */
 void wh_wedges_before(wh_engine *e, const wh_trial *t);
 wh_code wh_wedges_after(wh_engine *e, const wh_trial *t);
+
+/* What corners will carry after a change of topology. False when one of its ends is on a border of
+ * charts, or a triangle of the texture would turn over. */
+bool wh_wedges_plan_surgery(wh_engine *e, const wh_surgery *s, const wh_trial *t);
+
+/* Makes it so, with wh_surgery_perform in between. */
+void wh_wedges_before_surgery(wh_engine *e);
+wh_code wh_wedges_after_surgery(wh_engine *e, const wh_surgery *s);
+
+/* The faces around v are gone. */
+void wh_wedges_drop(wh_engine *e, uint32_t v);
 
 /* Faces that are gone leave the patch. */
 void wh_wedges_compact(wh_engine *e);

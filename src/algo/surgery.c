@@ -32,12 +32,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { OF_U = 1, OF_V = 2 };
-
-/* Stand in rings for the new vertices while those still have their former names. */
-enum { HOLDERS = 2 };
-static const uint32_t HOLDER[HOLDERS] = {UINT32_MAX - 2, UINT32_MAX - 3};
-
 /* ---- the list of neighbours --------------------------------------------------------------- */
 
 /* One of the two ends. */
@@ -45,7 +39,7 @@ typedef struct end {
 	const uint32_t *ring;
 	uint32_t n, at; /* at: place of the other end */
 	bool closed;
-	uint8_t mark; /* OF_U or OF_V */
+	uint8_t mark; /* WH_OF_U or WH_OF_V */
 } end;
 
 static end end_of(const wh_engine *e, uint32_t v, uint32_t other, uint8_t mark)
@@ -69,7 +63,7 @@ static void append(wh_sheet *t, const end *a, uint32_t from, uint32_t count)
 /* The last neighbour appended is an apex: both ends have it, and the face behind is the other's. */
 static void join(wh_sheet *t, const end *next)
 {
-	t->of[t->n - 1] = OF_U | OF_V;
+	t->of[t->n - 1] = WH_OF_U | WH_OF_V;
 	t->face[t->n - 1] = next->mark;
 }
 
@@ -78,7 +72,7 @@ static void list_inside(wh_sheet *t, const end *a, const end *b)
 {
 	append(t, a, a->at + 1, a->n - 1);
 	join(t, b);
-	t->of[0] = OF_U | OF_V;
+	t->of[0] = WH_OF_U | WH_OF_V;
 	append(t, b, b->at + 2, b->n - 3);
 	t->closed = true;
 }
@@ -90,7 +84,7 @@ static void list_beside(wh_sheet *t, const end *a, const end *b)
 	join(t, b);
 	append(t, b, b->at + 2, b->n - 3);
 	append(t, a, a->at + 1, a->n - 1 - a->at);
-	t->of[a->at + b->n - 3] = OF_U | OF_V;
+	t->of[a->at + b->n - 3] = WH_OF_U | WH_OF_V;
 }
 
 /* Both on the boundary, the edge inside: one of the two lists. */
@@ -177,7 +171,7 @@ static bool part_ring(const wh_engine *e, wh_surgery *s, uint32_t from, uint32_t
 		s->inside[s->inner++] = ring[k];
 	for (uint32_t k = 0; !w->closed && k < a; k++)
 		s->outside[s->outer++] = ring[k];
-	s->outside[s->outer++] = HOLDER[0];
+	s->outside[s->outer++] = wh_holder(0);
 	for (uint32_t k = b + 1; !w->closed && k < w->n; k++)
 		s->outside[s->outer++] = ring[k];
 	for (uint32_t k = (b + 1) % w->n; w->closed && k != a; k = (k + 1) % w->n)
@@ -189,10 +183,11 @@ static bool part_ring(const wh_engine *e, wh_surgery *s, uint32_t from, uint32_t
 static bool cut_at(const wh_engine *e, wh_surgery *s, uint32_t i, uint32_t j)
 {
 	wh_sheet *t = &s->sheet[0];
-	const uint32_t end_i = t->of[i] == OF_U ? s->u : s->v;
-	const uint32_t end_j = t->of[j] == OF_U ? s->u : s->v;
+	const uint32_t end_i = t->of[i] == WH_OF_U ? s->u : s->v;
+	const uint32_t end_j = t->of[j] == WH_OF_U ? s->u : s->v;
 	s->w = t->id[i];
-	if (wh_is_locked(e, s->w) || (t->of[i] | t->of[j]) != (OF_U | OF_V) || t->of[i] == t->of[j])
+	if (wh_is_locked(e, s->w) || (t->of[i] | t->of[j]) != (WH_OF_U | WH_OF_V) ||
+	    t->of[i] == t->of[j])
 		return false;
 	if (part_ring(e, s, end_j, end_i)) {
 		take_out(t, i, j, &s->sheet[1]);
@@ -261,7 +256,7 @@ static bool sheet_holds(const wh_engine *e, const wh_surgery *s, const wh_sheet 
 	const uint32_t faces = t->n - !t->closed;
 	for (uint32_t i = 0; i < faces; i++) {
 		const uint32_t next = i + 1 < t->n ? i + 1 : 0;
-		const uint32_t tip = t->face[i] == OF_U ? s->u : s->v;
+		const uint32_t tip = t->face[i] == WH_OF_U ? s->u : s->v;
 		if (!face_holds(star[tip].pos, s->at, star[t->id[i]].pos, star[t->id[next]].pos))
 			return false;
 	}
@@ -290,7 +285,7 @@ bool wh_surgery_find(const wh_engine *e, const wh_trial *t, wh_surgery *s)
 	s->w = WH_NONE;
 	s->at = t->x;
 	s->nshared = t->nshared;
-	const end u = end_of(e, t->u, t->v, OF_U), v = end_of(e, t->v, t->u, OF_V);
+	const end u = end_of(e, t->u, t->v, WH_OF_U), v = end_of(e, t->v, t->u, WH_OF_V);
 	if (!take_apart(e, s, &u, &v) || !rings_hold(e, s) ||
 	    (s->kind == WH_NECK && e->dead == WH_NONE))
 		return false;
@@ -319,11 +314,11 @@ static wh_code meet_neighbours(wh_engine *e, const wh_surgery *s, uint32_t k)
 		const uint32_t id = t->id[i];
 		if (id == s->w || wh_is_locked(e, id))
 			continue;
-		if (t->of[i] & OF_V)
-			wh_ring_replace(e, id, s->v, HOLDER[k]);
-		if (t->of[i] == OF_U)
-			wh_ring_replace(e, id, s->u, HOLDER[k]);
-		else if ((t->of[i] & OF_U) && wh_ring_remove(e, id, s->u) != WH_OK)
+		if (t->of[i] & WH_OF_V)
+			wh_ring_replace(e, id, s->v, wh_holder(k));
+		if (t->of[i] == WH_OF_U)
+			wh_ring_replace(e, id, s->u, wh_holder(k));
+		else if ((t->of[i] & WH_OF_U) && wh_ring_remove(e, id, s->u) != WH_OK)
 			return e->c->err.code;
 	}
 	return WH_OK;
@@ -334,7 +329,7 @@ static void name_in_rings(wh_engine *e, const wh_surgery *s, uint32_t k, uint32_
 	const wh_sheet *t = &s->sheet[k];
 	for (uint32_t i = 0; i < t->n; i++)
 		if (!wh_is_locked(e, t->id[i]))
-			wh_ring_replace(e, t->id[i], HOLDER[k], name);
+			wh_ring_replace(e, t->id[i], wh_holder(k), name);
 }
 
 static void copy_attributes(const wh_engine *e, uint32_t from, uint32_t to)
@@ -377,7 +372,7 @@ static wh_code part_w(wh_engine *e, wh_surgery *s)
 			if (!wh_is_locked(e, s->inside[i]))
 				wh_ring_replace(e, s->inside[i], s->w, d);
 	}
-	s->inside[s->inner++] = HOLDER[inner];
+	s->inside[s->inner++] = wh_holder(inner);
 	if (wh_ring_set(e, d, s->inside, s->inner) != WH_OK)
 		return e->c->err.code;
 	set_closed(e, d, true);

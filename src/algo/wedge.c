@@ -31,6 +31,10 @@
  * between neighbours i and i + 1. The patch's faces are current, and those that are gone begin with
  * WH_NONE.
  *
+ * Changes of topology (surgery.c) make no face: what is closed or cut is so by faces that get
+ * another corner. They are done where both ends of the edge have one wedge, which the new vertex
+ * gets, or either of the two, between the two old ones.
+ *
  * Cost: a comparison of records for each face around an edged vertex that is evaluated, two areas
  * for each face of a collapse; 64 bytes a vertex.
  */
@@ -62,6 +66,10 @@ struct wh_wedge_plan {
 	struct {
 		uint32_t n, slot[WH_MOST_AROUND];
 	} apex[2];
+	/* of a change of topology: */
+	uint32_t end[2]; /* the third vertices of the faces on the edge, WH_NONE without */
+	uint32_t sheet[2][WH_ROW];
+	uint32_t inside[WH_ROW], outside[WH_ROW]; /* of w */
 };
 
 /* ---- slots -------------------------------------------------------------------------------- */
@@ -136,15 +144,19 @@ static bool is_border(const wh_engine *e, uint32_t v, uint32_t k)
 	                            wh_patch_face(e->p, face[1]));
 }
 
+static void mark(wh_engine *e, uint32_t v)
+{
+	wh_star *s = &e->w->star[v];
+	bool edged = false;
+	for (uint32_t k = 0; k < s->n && !edged; k++)
+		edged = is_border(e, v, k);
+	s->flag = (uint8_t)(edged ? s->flag | WH_EDGED : s->flag & ~WH_EDGED);
+}
+
 void wh_wedges_mark(wh_engine *e)
 {
-	for (uint32_t v = 0; v < e->p->nv; v++) {
-		wh_star *s = &e->w->star[v];
-		bool edged = false;
-		for (uint32_t k = 0; k < s->n && !edged; k++)
-			edged = is_border(e, v, k);
-		s->flag |= edged ? WH_EDGED : 0;
-	}
+	for (uint32_t v = 0; v < e->p->nv; v++)
+		mark(e, v);
 }
 
 /* The two neighbours along the one border that passes through v. False where it is not one, or the
@@ -209,6 +221,14 @@ static double border_cost(const wh_engine *e, uint32_t hub, const wh_fan *f, uin
 	return sweep + (s->sum.xx + s->sum.yy + s->sum.zz) * off2;
 }
 
+/* Surgery may cut an edge from the boundary to the boundary, where nothing but that passes through
+ * v. */
+static bool may_be_bridge(const wh_engine *e, uint32_t v, uint32_t other)
+{
+	return e->surgery && (e->w->star[v].flag & e->w->star[other].flag & WH_BORDER) &&
+	       !wh_is_locked(e, other);
+}
+
 void wh_wedges_bar(const wh_engine *e, uint32_t hub, wh_fan *f)
 {
 	uint32_t place[2];
@@ -221,7 +241,8 @@ void wh_wedges_bar(const wh_engine *e, uint32_t hub, wh_fan *f)
 	const bool through = border_through(e, hub, place);
 	for (uint32_t i = 0; i < f->n; i++) {
 		f->locked.at[i] = 1.0;
-		if (!through || (i != place[0] && i != place[1]))
+		const bool along = through && (i == place[0] || i == place[1]);
+		if (!along && !(through && may_be_bridge(e, hub, f->id[i])))
 			f->bar.at[i] = (double)INFINITY;
 	}
 	for (int k = 0; through && k < 2; k++)
@@ -350,12 +371,12 @@ bool wh_wedges_plan(wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i, con
 
 /* The faces of apex a when it has lost u: those on either side of u are one, the one that is not on
  * the edge uv. */
-static void plan_apex(wh_engine *e, const wh_trial *t, int k)
+static void plan_apex(wh_engine *e, uint32_t a, uint32_t u, int k)
 {
 	struct wh_wedge_plan *p = e->w->wedge;
-	const uint32_t a = t->apex[k], *r = wh_ring(e, a), *slot = wh_slots(e, a);
+	const uint32_t *r = wh_ring(e, a), *slot = wh_slots(e, a);
 	const wh_star *s = &e->w->star[a];
-	const uint32_t gone = wh_ring_place(r, t->u);
+	const uint32_t gone = wh_ring_place(r, u);
 	uint32_t n = 0;
 	for (uint32_t i = 0; i < s->n; i++)
 		if (i != gone && i < faces_of(s)) {
@@ -370,6 +391,22 @@ static void plan_apex(wh_engine *e, const wh_trial *t, int k)
 	p->apex[k].n = n;
 }
 
+static void change_corners(wh_engine *e)
+{
+	const struct wh_wedge_plan *p = e->w->wedge;
+	for (uint32_t i = 0; i < p->n; i++)
+		memcpy(record_at(e, p->item[i].face, p->item[i].corner), p->fresh[p->item[i].side],
+		       e->wedges->corner.bytes);
+}
+
+static void drop_dead(wh_engine *e)
+{
+	const struct wh_wedge_plan *p = e->w->wedge;
+	for (int k = 0; k < 2; k++)
+		if (p->dead[k] != WH_NONE)
+			e->p->tri[3 * (size_t)p->dead[k]] = WH_NONE;
+}
+
 void wh_wedges_before(wh_engine *e, const wh_trial *t)
 {
 	struct wh_wedge_plan *p = e->w->wedge;
@@ -379,16 +416,12 @@ void wh_wedges_before(wh_engine *e, const wh_trial *t)
 		p->apex[k].n = 0;
 		if (t->apex[k] != WH_NONE && (uint32_t)k < t->nshared &&
 		    !wh_is_locked(e, t->apex[k]))
-			plan_apex(e, t, k);
+			plan_apex(e, t->apex[k], t->u, k);
 	}
-	for (uint32_t i = 0; i < p->n; i++)
-		memcpy(record_at(e, p->item[i].face, p->item[i].corner), p->fresh[p->item[i].side],
-		       e->wedges->corner.bytes);
+	change_corners(e);
 	for (uint32_t i = 0; i < faces_of(gone); i++)
 		e->p->tri[3 * (size_t)slot[i] + corner_place(e, slot[i], t->u)] = t->v;
-	for (int k = 0; k < 2; k++)
-		if (p->dead[k] != WH_NONE)
-			e->p->tri[3 * (size_t)p->dead[k]] = WH_NONE;
+	drop_dead(e);
 	if (e->p->attr_bytes && p->anchored && !t->into_locked)
 		memcpy(wh_patch_attr(e->p, t->v), wh_patch_attr(e->p, t->u), e->p->attr_bytes);
 }
@@ -405,6 +438,141 @@ wh_code wh_wedges_after(wh_engine *e, const wh_trial *t)
 		if (p->apex[k].n && wh_slots_set(e, t->apex[k], p->apex[k].slot) != WH_OK)
 			return e->c->err.code;
 	return WH_OK;
+}
+
+/* ---- changes of topology ------------------------------------------------------------------ */
+
+/* All corners at v have the same record, which goes to *record. */
+static bool has_one_wedge(const wh_engine *e, uint32_t v, const uint8_t **record)
+{
+	const wh_star *s = &e->w->star[v];
+	const uint32_t *slot = wh_slots(e, v);
+	*record = record_of(e, slot[0], v);
+	for (uint32_t i = 1; i < faces_of(s); i++)
+		if (memcmp(record_of(e, slot[i], v), *record, e->wedges->corner.bytes) != 0)
+			return false;
+	return true;
+}
+
+static uint32_t slot_of(const wh_engine *e, uint32_t v, uint32_t neighbour)
+{
+	return wh_slots(e, v)[wh_ring_place(wh_ring(e, v), neighbour)];
+}
+
+/* The faces of a new vertex, in the order of its ring. */
+static void plan_sheet(wh_engine *e, const wh_surgery *s, uint32_t k)
+{
+	struct wh_wedge_plan *p = e->w->wedge;
+	const wh_sheet *t = &s->sheet[k];
+	for (uint32_t i = 0; i < t->n - !t->closed; i++) {
+		const uint32_t from = t->face[i] == WH_OF_U ? s->u : s->v;
+		p->sheet[k][i] = slot_of(e, from, t->id[i]);
+		add_change(e, p->sheet[k][i], from, (uint8_t)k);
+	}
+}
+
+/* Those of w, inside the cut and outside. One of the new vertices comes behind what is inside; the
+ * other stands outside for both ends and what was between them. */
+static void plan_w(wh_engine *e, const wh_surgery *s)
+{
+	struct wh_wedge_plan *p = e->w->wedge;
+	const uint32_t *ring = wh_ring(e, s->w), *slot = wh_slots(e, s->w), n = e->w->star[s->w].n;
+	const uint32_t from = (wh_ring_place(ring, s->inside[0]) + n - 1) % n;
+	const uint32_t to = (wh_ring_place(ring, s->inside[s->inner - 1]) + 1) % n;
+	for (uint32_t i = 0; i < s->inner; i++)
+		p->inside[i] = slot_of(e, s->w, s->inside[i]);
+	p->inside[s->inner] = slot[from];
+	for (uint32_t i = 0; s->kind == WH_NECK && i < s->outer - !e->w->star[s->w].closed; i++)
+		p->outside[i] =
+		    wh_is_holder(s->outside[i]) ? slot[to] : slot_of(e, s->w, s->outside[i]);
+}
+
+/* The third vertices of the faces on the edge lose u. */
+static void plan_ends(wh_engine *e, const wh_surgery *s)
+{
+	struct wh_wedge_plan *p = e->w->wedge;
+	const uint32_t *ring = wh_ring(e, s->u), n = e->w->star[s->u].n;
+	const uint32_t at = wh_ring_place(ring, s->v);
+	faces_beside(e, s->u, at, p->dead);
+	for (int k = 0; k < 2; k++) {
+		p->end[k] = p->dead[k] == WH_NONE ? WH_NONE : ring[(at + (k ? 1 : n - 1)) % n];
+		p->apex[k].n = 0;
+		if (p->end[k] != WH_NONE && wh_is_locked(e, p->end[k]))
+			p->end[k] = WH_NONE;
+		if (p->end[k] != WH_NONE)
+			plan_apex(e, p->end[k], s->u, k);
+	}
+}
+
+bool wh_wedges_plan_surgery(wh_engine *e, const wh_surgery *s, const wh_trial *t)
+{
+	struct wh_wedge_plan *p = e->w->wedge;
+	const uint8_t *record[2];
+	wh_trial ends = *t;
+	if (!has_one_wedge(e, t->v, &record[0]) || !has_one_wedge(e, t->u, &record[1]))
+		return false;
+	p->n = 0;
+	for (uint32_t k = 0; k < wh_surgery_sheets(s); k++)
+		plan_sheet(e, s, k);
+	if (s->w != WH_NONE)
+		plan_w(e, s);
+	plan_ends(e, s);
+	ends.n = ends.faces = ends.nshared = 0;
+	if (e->wedges->corner.n)
+		wh_blend_corner(&ends, &e->wedges->corner, record, p->fresh[0]);
+	memcpy(p->fresh[1], p->fresh[0], e->wedges->corner.bytes);
+	return keeps_sides(e);
+}
+
+void wh_wedges_before_surgery(wh_engine *e)
+{
+	change_corners(e);
+	drop_dead(e);
+}
+
+/* The n corners at `from` of a list of faces become `to`. */
+static void rename_corners(wh_engine *e, const uint32_t *face, uint32_t n, uint32_t from,
+                           uint32_t to)
+{
+	for (uint32_t i = 0; i < n; i++)
+		for (size_t k = 0; k < 3; k++)
+			if (e->p->tri[3 * (size_t)face[i] + k] == from)
+				e->p->tri[3 * (size_t)face[i] + k] = to;
+}
+
+wh_code wh_wedges_after_surgery(wh_engine *e, const wh_surgery *s)
+{
+	const struct wh_wedge_plan *p = e->w->wedge;
+	const uint32_t sheets = wh_surgery_sheets(s);
+	for (uint32_t k = 0; k < sheets; k++) {
+		const uint32_t v = k ? s->u : s->v;
+		rename_corners(e, p->sheet[k], faces_of(&e->w->star[v]), k ? s->v : s->u, v);
+		if (wh_slots_set(e, v, p->sheet[k]) != WH_OK)
+			return e->c->err.code;
+	}
+	for (int k = 0; k < 2; k++)
+		if (p->apex[k].n && wh_slots_set(e, p->end[k], p->apex[k].slot) != WH_OK)
+			return e->c->err.code;
+	if (s->w != WH_NONE) {
+		rename_corners(e, p->inside, faces_of(&e->w->star[s->second]), s->w, s->second);
+		if (wh_slots_set(e, s->second, p->inside) != WH_OK ||
+		    (s->kind == WH_NECK && wh_slots_set(e, s->w, p->outside) != WH_OK))
+			return e->c->err.code;
+	}
+	for (uint32_t k = 0; k < sheets; k++)
+		mark(e, k ? s->u : s->v);
+	if (s->w != WH_NONE) {
+		mark(e, s->w);
+		mark(e, s->second);
+	}
+	return WH_OK;
+}
+
+void wh_wedges_drop(wh_engine *e, uint32_t v)
+{
+	const uint32_t *slot = wh_slots(e, v);
+	for (uint32_t i = 0; i < faces_of(&e->w->star[v]); i++)
+		e->p->tri[3 * (size_t)slot[i]] = WH_NONE;
 }
 
 void wh_wedges_compact(wh_engine *e)

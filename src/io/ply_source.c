@@ -263,7 +263,7 @@ static void decode_triangles(const wh_source *s, const unsigned char *from, size
 	 */
 	const bool plain =
 	    !s->fswap && (s->itype == WH_U32 || (s->itype == WH_I32 && s->nv <= 0x80000000u));
-	if (plain && s->fstride == 13) {
+	if (plain && s->fstride == 13 && s->ioff == 1) {
 		decode_u32(from + 1, 13, n, ids);
 	} else if (plain) {
 		decode_u32(from + s->ioff, s->fstride, n, ids);

@@ -157,8 +157,7 @@ uint64_t wh_run_vertices(const wh_run *r)
 wh_wanted wh_run_wanted(const wh_run *r)
 {
 	uint32_t holds = wh_mesh_holds(r->to);
-	/* neither of these takes along what faces carry */
-	if (r->rply || r->params->simplify_topology)
+	if (r->rply) /* takes along nothing of faces */
 		holds &= ~(uint32_t)(WH_HOLDS_FACES | WH_HOLDS_CORNERS);
 	/* what is cleaned is what the file has: its vertices along the borders of charts, too */
 	if (wh_run_has_hygiene(r))

@@ -92,6 +92,8 @@ def make(n, form, path):
                     at = [(v - count - 1, t - total - 1) for v, t in at]
                 o.write("f " + " ".join("%d/%d" % x for x in at) + "\n")
         return
+    if form == "holes": # pinholes in all charts
+        faces = [f for i, f in enumerate(faces) if i % 61 != 30]
     head = "ply\nformat %s 1.0\ncomment TextureFile a b.png\ncomment TextureFile c.png\n" \
         "element vertex %d\nproperty float x\nproperty float y\nproperty float z\n" \
         "element face %d\nproperty uchar red\nproperty list uchar int vertex_indices\n" \
@@ -346,6 +348,23 @@ cmp -s streamed.ply resumed.ply || fail "a run with a folder gives another resul
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 nan\nf 1/1 2/2 3/9\nf 2 4 3/-1\n' >odd.obj
 expect 0 "$WHITTLE" reduce -q odd.obj -o odd.ply --faces 100%
 grep -q 'texcoord' odd.ply || fail "no texture coordinates"
+
+# changes of topology carry it along: pinholes close, in the texture too
+python3 atlas.py make 24 holes holes.ply || fail "make"
+for extra in "" "--cluster-faces 2000 --micro-faces 500 --final-faces 3000"; do
+	expect 0 "$WHITTLE" reduce holes.ply -o closed.ply -f --faces 690 --topology simplify --attributes all $extra
+	! grep -q 'not carried' out || fail "left behind: $(cat out)"
+	grep -q '[0-9][0-9] holes closed' out || fail "no holes closed: $(cat out)"
+	expect 0 python3 atlas.py look closed.ply 24
+	grep -qE '^(689|690) faces 0 turned 0 outside 0 wrong 0 fresh [0-9]+ open; True 6$' out || fail "closed: $(cat out)"
+done
+expect 0 "$WHITTLE" reduce -q holes.ply -o again.ply -f --faces 690 --topology simplify --threads 1 $extra
+cmp -s closed.ply again.ply || fail "threads changed the bytes"
+
+# a label of one byte is all that faces have
+printf 'ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nproperty uchar part\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 7\n3 0 2 3 9\n' >part.ply
+expect 0 "$WHITTLE" reduce -q part.ply -o parts.ply --faces 2 --ascii --min-component 1
+[ "$(tail -2 parts.ply | sort)" = "$(printf '3 0 1 3 7\n3 0 3 2 9')" ] || fail "labels: $(cat parts.ply)"
 
 # a list of texture coordinates that is neither two for each corner nor empty is damage
 listed() {
