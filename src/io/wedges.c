@@ -82,6 +82,12 @@ static wh_code choose_of_faces(wh_ctx *c, const wh_ply *p, wh_wanted wanted, wh_
 	                               &w->face);
 }
 
+/* Flags (of VCG, MeshLab's library: what is selected, lies on the boundary ...) are no parts. */
+static bool is_border_label(const wh_attribute *a)
+{
+	return a->kind == WH_KIND_LABEL && strcasecmp(a->name, "flags") != 0;
+}
+
 wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
                          const wh_attributes *vertices, wh_wedges *w)
 {
@@ -94,7 +100,7 @@ wh_code wh_wedges_choose(wh_ctx *c, const wh_ply *p, wh_wanted wanted,
 		return c->err.code;
 	w->bytes = 3 * w->corner.bytes + w->face.bytes;
 	for (uint32_t i = 0; i < w->face.n; i++)
-		w->labels += w->face.item[i].kind == WH_KIND_LABEL;
+		w->labels += is_border_label(&w->face.item[i]);
 	return WH_OK;
 }
 
@@ -145,7 +151,7 @@ bool wh_wedges_same_face(const wh_wedges *w, const uint8_t *a, const uint8_t *b)
 	const uint8_t *fa = wh_wedges_face(w, a), *fb = wh_wedges_face(w, b);
 	for (uint32_t i = 0; w->labels && i < w->face.n; i++) {
 		const wh_attribute *item = &w->face.item[i];
-		if (item->kind == WH_KIND_LABEL &&
+		if (is_border_label(item) &&
 		    memcmp(fa + item->at, fb + item->at, wh_attribute_bytes(item)) != 0)
 			return false;
 	}

@@ -14,7 +14,8 @@
  *     nx, ny, nz      (pipeline/read_obj.h)                           borders
  *     faces' labels   whole numbers but those below; OBJ: usemtl, g   a face keeps its own; where
  *                                                                     they change is a border
- *     faces' others   reals, colours, quality ... (attributes.h)      a face keeps its own
+ *     faces' others   reals, colours, flags, quality ...              a face keeps its own
+ *                     (attributes.h)
  *
  * A corner without texture coordinates, or without a normal, has NaN in their place.
  *
@@ -38,7 +39,7 @@ typedef struct wh_wedges {
 	int list;         /* the property of faces that holds u and v; -1: they are not carried */
 	int normals;      /* the same of nx, ny and nz */
 	bool of_vertices; /* the file has the corners' attributes at its vertices */
-	uint32_t labels;  /* of the face's attributes */
+	uint32_t labels;  /* of the face's attributes, that borders are made by */
 	/* what the labels called texnumber, material and group stand for, and the files that
 	 * describe the materials, owned by others; NULL: nothing of that kind */
 	const wh_names *textures, *materials, *groups, *libraries;
