@@ -324,6 +324,7 @@ typedef struct wh_replay_info {
 	uint64_t file_bytes, input_bytes;
 	double base_error; /* accumulated distance estimate, as of wh_reduce_params.error */
 	double diagonal;   /* of the bounding box of the file that was reduced */
+	bool coloured;     /* vertices have red, green and blue */
 	uint64_t level;    /* at hand; splits done */
 	uint64_t level_vertices, level_faces;
 	double level_error;
@@ -361,6 +362,19 @@ typedef struct wh_replay_output {
 /* Writes the level at hand. Of level 0 the bytes are those of the reduction's own output. checksum:
  * XXH3-128 of them, hexadecimal; NULL: nobody wants it. On failure no output appears. */
 wh_code wh_replay_write(wh_ctx *c, wh_replay *r, const wh_replay_output *out, char checksum[33]);
+
+/*
+ * A morph from one level to another, either of which may be the finer one: its vertices and faces
+ * are those of the finer level, which is at hand then; a vertex that the coarser one lacks begins,
+ * or ends, at the place of the vertex that it was split from. Memory: that level's, and some 60
+ * bytes a vertex. Failures are those of wh_replay_seek. Whatever goes to another level ends it.
+ */
+wh_code wh_replay_morph(wh_ctx *c, wh_replay *r, uint64_t from, uint64_t to);
+/* Writes the mesh at t, from 0, the first level to the bit, to 1, the second: positions and all
+ * that can be averaged along lines, normals along great circles, labels as at the nearer end. Faces
+ * that only the finer level has have two corners at one place at the coarser end. */
+wh_code wh_replay_write_morph(wh_ctx *c, wh_replay *r, double t, const wh_replay_output *out,
+                              char checksum[33]);
 
 /*
  * Writes the collapses from the level at hand back to a coarser one, at which it ends, one a line,

@@ -308,6 +308,209 @@ static void other_formats_are_those_of_reduce(void **state)
 	done(&r);
 }
 
+/* ---- between two levels ---- */
+
+static void make_morph(record *r, uint64_t from, uint64_t to)
+{
+	assert_int_equal(wh_replay_morph(&r->f.t.ctx, r->replay, from, to), WH_OK);
+}
+
+static void write_morph(record *r, double t, char checksum[33])
+{
+	const wh_replay_output out = {.path = r->level, .force = true};
+	assert_int_equal(wh_replay_write_morph(&r->f.t.ctx, r->replay, t, &out, checksum), WH_OK);
+}
+
+static bool same_place(wh_vec3 a, wh_vec3 b)
+{
+	return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/* The same sum over the faces of a morph whose corners are at three places. */
+static uint64_t sum_of_open_faces(record *r)
+{
+	uint64_t sum = 0;
+	wh_mesh m = load_mesh(&r->f, r->level);
+	for (uint32_t f = 0; f < m.nf; f++)
+		for (uint32_t k = 0; k < 3; k++) {
+			wh_vec3 at[3];
+			for (uint32_t i = 0; i < 3; i++)
+				at[i] = m.pos[m.tri[3 * f + (k + i) % 3]];
+			if (!same_place(at[0], at[1]) && !same_place(at[1], at[2]) &&
+			    !same_place(at[2], at[0]))
+				sum += XXH3_64bits(at, sizeof at);
+		}
+	wh_mesh_free(&r->f.t.ctx, &m);
+	return sum;
+}
+
+static void a_morph_begins_and_ends_at_its_levels(void **state)
+{
+	(void)state;
+	char fine[33], got[33];
+	record r;
+	open_record(&r, WH_SYNTH_TERRAIN, 6000);
+	r.f.params.faces = 300;
+	reduce_and_record(&r);
+	play(&r);
+	const uint64_t a = r.info.splits / 9, b = 2 * r.info.splits / 3;
+	write_level(&r, b, r.level, fine);
+	write_level(&r, a, r.level, NULL);
+	const uint64_t coarse = sum_of_faces(&r, r.level);
+	for (int back = 0; back < 2; back++) {
+		make_morph(&r, back ? b : a, back ? a : b);
+		write_morph(&r, back ? 0 : 1, got);
+		assert_string_equal(got, fine);
+		write_morph(&r, back ? 1 : 0, got);
+		assert_string_not_equal(got, fine);
+		assert_true(sum_of_open_faces(&r) == coarse);
+	}
+	make_morph(&r, b, b);
+	write_morph(&r, 0.5, got);
+	assert_string_equal(got, fine);
+	write_level(&r, b, r.level, got);
+	assert_string_equal(got, fine);
+	done(&r);
+}
+
+static void vertices_go_straight(void **state)
+{
+	(void)state;
+	record r;
+	wh_mesh m[3];
+	uint32_t moving = 0;
+	open_record(&r, WH_SYNTH_SPHERE, 2000);
+	r.f.params.faces = 200;
+	reduce_and_record(&r);
+	play(&r);
+	make_morph(&r, 0, UINT64_MAX);
+	for (int k = 0; k < 3; k++) {
+		write_morph(&r, k * k * 0.25, NULL); /* 0, 0.25, 1 */
+		m[k] = load_mesh(&r.f, r.level);
+		assert_int_equal(m[k].nv, r.info.vertices);
+	}
+	for (uint32_t v = 0; v < m[0].nv; v++) {
+		const wh_vec3 way = wh_sub(m[2].pos[v], m[0].pos[v]);
+		const wh_vec3 off = wh_sub(m[1].pos[v], wh_add(m[0].pos[v], wh_scale(way, 0.25)));
+		assert_true(wh_norm(off) <= 1e-6 * r.info.diagonal);
+		moving += wh_norm(way) > 0;
+	}
+	assert_true(moving > m[0].nv / 2);
+	for (int k = 0; k < 3; k++)
+		wh_mesh_free(&r.f.t.ctx, &m[k]);
+	done(&r);
+}
+
+/* A hill with normals, colours and labels. */
+static void write_hill(const char *path, int side)
+{
+	FILE *f = fopen(path, "w");
+	assert_non_null(f);
+	(void)fprintf(
+	    f,
+	    "ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\n"
+	    "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+	    "property uchar red\nproperty int label\nelement face %d\n"
+	    "property list uchar int vertex_indices\nend_header\n",
+	    side * side, 2 * (side - 1) * (side - 1));
+	for (int i = 0; i < side * side; i++) {
+		const double x = 2.0 * (i % side) / (side - 1) - 1,
+		             y = 2.0 * (i / side) / (side - 1) - 1;
+		const double n = sqrt(1 + 4 * x * x + 4 * y * y);
+		(void)fprintf(f, "%.9g %.9g %.9g %.9g %.9g %.9g %d %d\n", x, y, 2 - x * x - y * y,
+		              2 * x / n, 2 * y / n, 1 / n, (i * 37) % 256, i % 3);
+	}
+	for (int y = 0; y + 1 < side; y++)
+		for (int x = 0; x + 1 < side; x++) {
+			const int a = y * side + x;
+			(void)fprintf(f, "3 %d %d %d\n3 %d %d %d\n", a, a + 1, a + side, a + 1,
+			              a + side + 1, a + side);
+		}
+	(void)fclose(f);
+}
+
+typedef struct hill_vertex {
+	wh_vec3 at, normal;
+	int red, label;
+} hill_vertex;
+
+/* The vertices of a morph. */
+static void read_hill(record *r, double t, uint32_t n, hill_vertex *v)
+{
+	char line[256];
+	const wh_replay_output out = {.path = r->level, .force = true, .ascii = true};
+	assert_int_equal(wh_replay_write_morph(&r->f.t.ctx, r->replay, t, &out, NULL), WH_OK);
+	FILE *f = fopen(r->level, "r");
+	assert_non_null(f);
+	while (fgets(line, sizeof line, f) && strcmp(line, "end_header\n") != 0)
+		continue;
+	for (uint32_t i = 0; i < n; i++)
+		assert_int_equal(fscanf(f, "%lf%lf%lf%lf%lf%lf%d%d", &v[i].at.x, &v[i].at.y,
+		                        &v[i].at.z, &v[i].normal.x, &v[i].normal.y, &v[i].normal.z,
+		                        &v[i].red, &v[i].label),
+		                 8);
+	(void)fclose(f);
+}
+
+static double angle(wh_vec3 a, wh_vec3 b)
+{
+	return atan2(wh_norm(wh_cross(a, b)), wh_dot(a, b));
+}
+
+enum { HILL = 15, HILL_VERTICES = HILL * HILL };
+
+static void normals_turn_evenly_and_labels_jump(void **state)
+{
+	(void)state;
+	record r = {0};
+	static hill_vertex from[HILL_VERTICES], to[HILL_VERTICES], mid[HILL_VERTICES];
+	uint32_t turning = 0;
+	open_fixture(&r.f);
+	name_files(&r);
+	write_hill(r.f.in, HILL);
+	r.f.params.faces = 60;
+	r.f.params.cluster_faces = 0;
+	reduce_and_record(&r);
+	play(&r);
+	make_morph(&r, 0, UINT64_MAX);
+	read_hill(&r, 0, HILL_VERTICES, from);
+	read_hill(&r, 1, HILL_VERTICES, to);
+	read_hill(&r, 0.75, HILL_VERTICES, mid);
+	for (uint32_t v = 0; v < HILL_VERTICES; v++) {
+		const double all = angle(from[v].normal, to[v].normal);
+		assert_true(fabs(wh_norm(mid[v].normal) - 1) < 1e-5);
+		assert_true(fabs(angle(from[v].normal, mid[v].normal) - 0.75 * all) < 1e-5);
+		assert_true(fabs(angle(mid[v].normal, to[v].normal) - 0.25 * all) < 1e-5);
+		assert_true(fabs(mid[v].red - 0.25 * from[v].red - 0.75 * to[v].red) <= 0.8);
+		assert_int_equal(mid[v].label, to[v].label);
+		turning += all > 0.1;
+	}
+	assert_true(turning > 10);
+	done(&r);
+}
+
+static void what_is_no_morph_is_refused(void **state)
+{
+	(void)state;
+	record r;
+	open_record(&r, WH_SYNTH_SPHERE, 2000);
+	r.f.params.faces = 200;
+	reduce_and_record(&r);
+	play(&r);
+	wh_ctx *c = &r.f.t.ctx;
+	const wh_replay_output out = {.path = r.level, .force = true};
+	static const double wrong[] = {-0.01, 1.01, NAN, INFINITY};
+	assert_int_equal(wh_replay_write_morph(c, r.replay, 0, &out, NULL), WH_E_USAGE);
+	make_morph(&r, 0, 100);
+	for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+		assert_int_equal(wh_replay_write_morph(c, r.replay, wrong[i], &out, NULL),
+		                 WH_E_USAGE);
+	assert_int_equal(wh_replay_seek(c, r.replay, 5), WH_OK);
+	assert_int_equal(wh_replay_write_morph(c, r.replay, 0, &out, NULL), WH_E_USAGE);
+	assert_int_equal(access(r.level, F_OK), -1);
+	done(&r);
+}
+
 /* ---- text ---- */
 
 /* Every line is a collapse: vertices and faces that are there, each of which goes once. */
@@ -447,6 +650,10 @@ int main(void)
 	    cmocka_unit_test(levels_keep_their_limits),
 	    cmocka_unit_test(properties_and_large_fans_come_back),
 	    cmocka_unit_test(other_formats_are_those_of_reduce),
+	    cmocka_unit_test(a_morph_begins_and_ends_at_its_levels),
+	    cmocka_unit_test(vertices_go_straight),
+	    cmocka_unit_test(normals_turn_evenly_and_labels_jump),
+	    cmocka_unit_test(what_is_no_morph_is_refused),
 	    cmocka_unit_test(the_text_tells_every_collapse),
 	    cmocka_unit_test(no_damage_goes_unseen),
 	    cmocka_unit_test(what_cannot_be_recorded_is_refused),

@@ -243,3 +243,28 @@ size_t cmd_peak_rss(void)
 		return (size_t)kib * 1024;
 	return getrusage(RUSAGE_SELF, &u) == 0 ? (size_t)u.ru_maxrss * 1024 : 0;
 }
+
+/* Where the endings of a file's name begin: "ply", or "ply.gz" with what it is packed in. */
+static size_t endings_of(const char *path)
+{
+	const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+	const char *dot = strrchr(name, '.');
+	if (!dot || dot == name)
+		return strlen(path);
+	size_t at = (size_t)(dot - path);
+	if (strcmp(dot, ".gz") != 0 && strcmp(dot, ".zst") != 0)
+		return at;
+	for (const char *c = dot - 1; c > name; c--)
+		if (*c == '.')
+			return (size_t)(c - path);
+	return at;
+}
+
+bool cmd_name_with(char *name, size_t room, const char *path, const char *word)
+{
+	const char *mark = strstr(path, "%f");
+	const size_t at = mark ? (size_t)(mark - path) : endings_of(path);
+	const int n = snprintf(name, room, "%.*s%s%s%s", (int)at, path, mark ? "" : "-", word,
+	                       path + at + (mark ? 2 : 0));
+	return n >= 0 && (size_t)n < room;
+}

@@ -64,6 +64,10 @@ bool cmd_is_dash(const char *name);
 /* Parses the name of a format that can be read. */
 bool cmd_parse_from(const char *text, wh_format *out);
 
+/* The name of one of several outputs: `path` with the word in the place of %f, else before its
+ * endings. False when there is no room. */
+bool cmd_name_with(char *name, size_t room, const char *path, const char *word);
+
 /* Parses a finite decimal number. */
 bool cmd_parse_real(const char *text, double *out);
 

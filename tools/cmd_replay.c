@@ -1,7 +1,7 @@
 /* whittle replay: options -> open, seek, write -> words. */
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
-#include "replay_options.h"
+#include "replay_frames.h"
 
 #include "base/timer.h"
 
@@ -11,6 +11,8 @@
 static const char help[] =
     "usage: whittle replay FILE.pmesh -o OUT [--faces N | --vertices N | --ratio R |\n"
     "                                         --error E]\n"
+    "       whittle replay FILE.pmesh -o OUT --faces N --towards M --geomorph T\n"
+    "       whittle replay FILE.pmesh -o PICTURE.png --faces N --towards M --frames N\n"
     "Makes a mesh of any size of a record of whittle progressive; without a limit all of\n"
     "the mesh that was recorded. Without -o and --text: says what the record holds.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
@@ -31,7 +33,18 @@ static const char help[] =
     "      --ascii           text instead of binary (PLY, STL)\n"
     "      --quantize        smaller GLB: positions of 16 bits, colours, normals of 8\n"
     "  -f, --force           write over existing outputs\n"
-    "  -q, --quiet           no words\n"
+    "  -q, --quiet           no words\n\n"
+    "From one level to another without a jump; the first is that of the limits above:\n"
+    "      --towards N|P%    the second level, triangles (default: all of the mesh)\n"
+    "      --geomorph T      the mesh between them: at 0 as the first, at 1 as the second.\n"
+    "                        It has the faces of the finer one; vertices that the coarser\n"
+    "                        one lacks come out of those that they were split from\n"
+    "      --frames N        N of them, from 0 to 1: the number of a frame is put in the\n"
+    "                        place of %f in OUT, else before its ending. Meshes, or\n"
+    "                        pictures if OUT ends in .png, from one camera:\n"
+    "      --size WxH        pixels (1200x900)\n"
+    "      --azimuth DEG, --elevation DEG, --up x|y|z, --flat, --wireframe, --colours,\n"
+    "      --temp-dir DIR    as in render\n"
     "Leaves with status 4 when even the base of the record is larger than asked for; the\n"
     "base is written then.\n";
 
@@ -61,6 +74,16 @@ static void print_level(FILE *f, const replay_options *o, const wh_replay_info *
 	              (double)cmd_peak_rss() / 1048576.0);
 }
 
+static void print_morph(FILE *f, const replay_options *o, const wh_replay_info *i)
+{
+	(void)fprintf(f, "%s: ", o->out.path);
+	if (o->frames)
+		(void)fprintf(f, "%u frames of ", (unsigned)o->frames);
+	(void)fprintf(f, "%llu faces, %llu vertices, peak memory %.0f MiB\n",
+	              (unsigned long long)i->level_faces, (unsigned long long)i->level_vertices,
+	              (double)cmd_peak_rss() / 1048576.0);
+}
+
 /* ---- what is asked for -------------------------------------------------------------------- */
 
 static wh_code write_text(wh_ctx *c, wh_replay *r, const replay_options *o, uint64_t level)
@@ -82,12 +105,26 @@ static wh_code make(wh_ctx *c, wh_replay *r, const replay_options *o, uint64_t l
 	return wh_replay_write(c, r, &o->out, NULL);
 }
 
+/* A morph from a level to the other one. *reached becomes false where the base is no smaller. */
+static wh_code make_morph(wh_ctx *c, wh_replay *r, const replay_options *o, uint64_t level,
+                          bool *reached)
+{
+	uint64_t other;
+	bool there;
+	if (wh_replay_find(c, r, &o->towards, &other, &there) != WH_OK ||
+	    wh_replay_morph(c, r, level, other) != WH_OK)
+		return c->err.code;
+	*reached &= there;
+	return o->frames ? replay_frames(c, r, o)
+	                 : wh_replay_write_morph(c, r, o->t, &o->out, NULL);
+}
+
 static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
 {
 	wh_replay_info info;
 	uint64_t level;
 	bool reached;
-	double seconds;
+	double seconds = 0;
 	const bool dash = (o->out.path && strcmp(o->out.path, "-") == 0) ||
 	                  (o->text && strcmp(o->text, "-") == 0);
 	FILE *words = dash ? stderr : stdout;
@@ -96,11 +133,16 @@ static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
 		print_record(words, o->input, &info);
 	if (!o->out.path && !o->text)
 		return WH_OK;
-	if (wh_replay_find(c, r, &o->limits, &level, &reached) != WH_OK ||
-	    make(c, r, o, level, &seconds) != WH_OK)
+	if (wh_replay_find(c, r, &o->limits, &level, &reached) != WH_OK)
+		return c->err.code;
+	const bool morph = o->geomorph || o->frames;
+	if ((morph ? make_morph(c, r, o, level, &reached) : make(c, r, o, level, &seconds)) !=
+	    WH_OK)
 		return c->err.code;
 	wh_replay_tell(r, &info);
-	if (!o->quiet)
+	if (!o->quiet && morph)
+		print_morph(words, o, &info);
+	else if (!o->quiet)
 		print_level(words, o, &info, seconds);
 	return reached ? WH_OK
 	               : wh_fail(c, WH_E_TARGET,

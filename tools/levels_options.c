@@ -79,34 +79,14 @@ static void word_of(const item *it, char word[ITEM + 8])
 		(void)snprintf(word, ITEM + 8, "%s", it->text);
 }
 
-/* Where the endings of a file's name begin: "ply", or "ply.gz" with what it is packed in. */
-static size_t endings_of(const char *path)
-{
-	const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
-	const char *dot = strrchr(name, '.');
-	if (!dot || dot == name)
-		return strlen(path);
-	size_t at = (size_t)(dot - path);
-	if (strcmp(dot, ".gz") != 0 && strcmp(dot, ".zst") != 0)
-		return at;
-	for (const char *c = dot - 1; c > name; c--)
-		if (*c == '.')
-			return (size_t)(c - path);
-	return at;
-}
-
-/* The word in the place of %f; else before the endings. Returns the name, which is put behind the
- * *used bytes of those before it; NULL: there is no room. */
+/* The name of a level's output, put behind the *used bytes of those before it; NULL: there is no
+ * room. */
 static const char *name_of(reduce_options *o, size_t *used, const char *path, const char *word)
 {
-	const char *mark = strstr(path, "%f");
-	const size_t at = mark ? (size_t)(mark - path) : endings_of(path);
 	char *name = o->names + *used;
-	const int n = snprintf(name, sizeof o->names - *used, "%.*s%s%s%s", (int)at, path,
-	                       mark ? "" : "-", word, path + at + (mark ? 2 : 0));
-	if (n < 0 || (size_t)n >= sizeof o->names - *used)
+	if (!cmd_name_with(name, sizeof o->names - *used, path, word))
 		return NULL;
-	*used += (size_t)n + 1;
+	*used += strlen(name) + 1;
 	return name;
 }
 

@@ -9,6 +9,7 @@
  *     progressive_order.c   the order, and what each collapse did to the faces
  *     progressive_write.c   the splits, coarse to fine, into a file
  *     progressive_play.c    from such a file to any level
+ *     progressive_morph.c   from one level to another without a jump
  */
 #ifndef WH_ALGO_PROGRESSIVE_H
 #define WH_ALGO_PROGRESSIVE_H
@@ -120,6 +121,32 @@ wh_code wh_progressive_find(wh_ctx *c, wh_progressive *p, const wh_progressive_l
 /* Goes to a level that there is, forward or back. What a level holds does not depend on the way
  * there. */
 wh_code wh_progressive_seek(wh_ctx *c, wh_progressive *p, uint64_t level);
+
+/* ---- between two levels -------------------------------------------------------------------- */
+
+/* Vertices and faces of the finer level, which `p` is at; each vertex is somewhere between its
+ * place there and that of its ancestor at the coarser one. */
+typedef struct wh_progressive_morph {
+	const wh_progressive *p;
+	bool coarsens;   /* from the finer level to the coarser one */
+	wh_vec3 *coarse; /* the coarser level: positions, ... */
+	uint8_t *coarse_attr;
+	uint32_t *ancestor; /* ... and the vertex there that each one was split from, or is */
+	wh_vec3 *pos;       /* in between, as it was asked for last */
+	uint8_t *attr;
+} wh_progressive_morph;
+
+/* Bytes that one takes beside what is played. */
+size_t wh_progressive_morph_bytes(const wh_pmesh *file, uint64_t from, uint64_t to);
+
+/* Goes to both levels, and to the finer one last, where `p` has to stay. Free it, after a failure
+ * too. */
+wh_code wh_progressive_morph_make(wh_ctx *c, wh_progressive *p, uint64_t from, uint64_t to,
+                                  wh_progressive_morph *m);
+void wh_progressive_morph_free(wh_ctx *c, wh_progressive_morph *m);
+
+/* Fills m->pos and m->attr with what is between: 0 is `from`, 1 is `to`, each to the bit. */
+void wh_progressive_morph_at(const wh_progressive_morph *m, double t);
 
 /* The error of the level at hand. */
 static inline double wh_progressive_error(const wh_progressive *p)

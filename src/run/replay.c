@@ -15,8 +15,9 @@
 
 struct wh_replay {
 	wh_progressive p;
-	size_t memory; /* ceiling */
-	size_t before; /* the account's, between calls */
+	wh_progressive_morph morph; /* if the caller made one */
+	size_t memory;              /* ceiling */
+	size_t before;              /* the account's, between calls */
 };
 
 /* ---- ceilings ----------------------------------------------------------------------------- */
@@ -35,9 +36,10 @@ static wh_code leave(wh_ctx *c, const wh_replay *r, wh_code code)
 	return code;
 }
 
-static wh_code refuse_large(wh_ctx *c, const wh_replay *r, uint64_t level)
+/* `more`: bytes beside the level's. */
+static wh_code refuse_large(wh_ctx *c, const wh_replay *r, uint64_t level, size_t more)
 {
-	const size_t need = wh_progressive_play_bytes(&r->p.file, level) + WH_PLAN_BASE;
+	const size_t need = wh_progressive_play_bytes(&r->p.file, level) + more + WH_PLAN_BASE;
 	if (need <= r->memory)
 		return WH_OK;
 	return wh_fail(c, WH_E_PLAN,
@@ -49,9 +51,10 @@ static wh_code refuse_large(wh_ctx *c, const wh_replay *r, uint64_t level)
 static wh_code seek(wh_ctx *c, wh_replay *r, uint64_t level)
 {
 	const uint64_t last = r->p.file.head.splits;
+	wh_progressive_morph_free(c, &r->morph);
 	level = level < last ? level : last;
-	return refuse_large(c, r, level) == WH_OK ? wh_progressive_seek(c, &r->p, level)
-	                                          : c->err.code;
+	return refuse_large(c, r, level, 0) == WH_OK ? wh_progressive_seek(c, &r->p, level)
+	                                             : c->err.code;
 }
 
 /* ---- opening ------------------------------------------------------------------------------ */
@@ -79,6 +82,7 @@ void wh_replay_close(wh_ctx *c, wh_replay **r)
 {
 	if (!*r)
 		return;
+	wh_progressive_morph_free(c, &(*r)->morph);
 	wh_progressive_close(c, &(*r)->p);
 	wh_free(c, *r);
 	*r = NULL;
@@ -97,6 +101,7 @@ void wh_replay_tell(const wh_replay *r, wh_replay_info *info)
 	                         .input_bytes = h->input_bytes,
 	                         .base_error = (double)h->error,
 	                         .diagonal = h->diagonal,
+	                         .coloured = p->file.attributes.has_rgb,
 	                         .level = p->level,
 	                         .level_vertices = p->nv,
 	                         .level_faces = p->nf,
@@ -146,14 +151,20 @@ wh_code wh_replay_seek(wh_ctx *c, wh_replay *r, uint64_t level)
 
 /* ---- meshes ------------------------------------------------------------------------------- */
 
+/* The vertices of an output. */
+typedef struct shape {
+	wh_vec3 *pos;
+	uint8_t *attr; /* records of the file's attributes */
+} shape;
+
 /* What the output has room for of the properties of vertices, and records of that. */
 typedef struct carried {
 	wh_attributes attributes;
-	uint8_t *records; /* NULL: those of the level */
+	uint8_t *records; /* NULL: those of the shape */
 } carried;
 
 /* The records of all vertices with what is left of them. */
-static wh_code shorten(wh_ctx *c, const wh_progressive *p, carried *k)
+static wh_code shorten(wh_ctx *c, const wh_progressive *p, const shape *s, carried *k)
 {
 	const wh_attributes *all = &p->file.attributes, *some = &k->attributes;
 	k->records = wh_alloc(c, p->nv, some->bytes);
@@ -165,12 +176,12 @@ static wh_code shorten(wh_ctx *c, const wh_progressive *p, carried *k)
 		item->out = was->out;
 		for (size_t v = 0; v < p->nv; v++)
 			memcpy(k->records + v * some->bytes + item->at,
-			       p->attr + v * all->bytes + was->at, wh_attribute_bytes(item));
+			       s->attr + v * all->bytes + was->at, wh_attribute_bytes(item));
 	}
 	return WH_OK;
 }
 
-static wh_code carry(wh_ctx *c, const wh_progressive *p, wh_format to, carried *k)
+static wh_code carry(wh_ctx *c, const wh_progressive *p, const shape *s, wh_format to, carried *k)
 {
 	const wh_wanted held = {NULL, wh_mesh_holds(to) & (uint32_t)WH_HOLDS_ALL};
 	*k = (carried){0};
@@ -178,23 +189,23 @@ static wh_code carry(wh_ctx *c, const wh_progressive *p, wh_format to, carried *
 		return WH_OK;
 	if (wh_attributes_choose(c, &p->file.ply, held, &k->attributes) != WH_OK)
 		return c->err.code;
-	return k->attributes.n ? shorten(c, p, k) : WH_OK;
+	return k->attributes.n ? shorten(c, p, s, k) : WH_OK;
 }
 
-static wh_code write_mesh(wh_ctx *c, const wh_progressive *p, wh_outfile *o,
+static wh_code write_mesh(wh_ctx *c, const wh_progressive *p, const shape *s, wh_outfile *o,
                           const wh_replay_output *out, wh_format to)
 {
 	carried k;
 	uint64_t vertices;
 	wh_progress silent = {.telling = ATOMIC_FLAG_INIT};
-	wh_code code = carry(c, p, to, &k);
+	wh_code code = carry(c, p, s, to, &k);
 	const bool whole = to == WH_FORMAT_PLY;
 	const wh_attributes *a = whole ? &p->file.attributes : &k.attributes;
 	const wh_patch patch = {.nv = p->nv,
 	                        .nf = p->nf,
-	                        .pos = p->pos,
+	                        .pos = s->pos,
 	                        .tri = p->at.tri,
-	                        .attr = whole ? p->attr : k.records,
+	                        .attr = whole ? s->attr : k.records,
 	                        .attr_bytes = a->bytes};
 	const wh_ply_style style = {.ascii = out->ascii,
 	                            .is_double = p->file.head.coord_bytes == 8,
@@ -221,8 +232,8 @@ static wh_code finish(wh_ctx *c, wh_outfile **o, wh_code code, char checksum[33]
 	return code;
 }
 
-static wh_code write_level(wh_ctx *c, const wh_progressive *p, const wh_replay_output *out,
-                           char checksum[33])
+static wh_code write_shape(wh_ctx *c, const wh_progressive *p, const shape *s,
+                           const wh_replay_output *out, char checksum[33])
 {
 	wh_format to;
 	wh_packing packing;
@@ -238,14 +249,50 @@ static wh_code write_level(wh_ctx *c, const wh_progressive *p, const wh_replay_o
 	if (code == WH_OK)
 		code = wh_outfile_pack(c, o, packing);
 	if (code == WH_OK)
-		code = write_mesh(c, p, o, out, to);
+		code = write_mesh(c, p, s, o, out, to);
 	return finish(c, &o, code, checksum);
 }
 
 wh_code wh_replay_write(wh_ctx *c, wh_replay *r, const wh_replay_output *out, char checksum[33])
 {
+	const shape s = {r->p.pos, r->p.attr};
 	enter(c, r);
-	return leave(c, r, write_level(c, &r->p, out, checksum));
+	return leave(c, r, write_shape(c, &r->p, &s, out, checksum));
+}
+
+/* ---- morphs ------------------------------------------------------------------------------- */
+
+static wh_code morph(wh_ctx *c, wh_replay *r, uint64_t from, uint64_t to)
+{
+	const uint64_t last = r->p.file.head.splits;
+	from = from < last ? from : last;
+	to = to < last ? to : last;
+	wh_progressive_morph_free(c, &r->morph);
+	if (refuse_large(c, r, from > to ? from : to,
+	                 wh_progressive_morph_bytes(&r->p.file, from, to)) != WH_OK)
+		return c->err.code;
+	return wh_progressive_morph_make(c, &r->p, from, to, &r->morph);
+}
+
+wh_code wh_replay_morph(wh_ctx *c, wh_replay *r, uint64_t from, uint64_t to)
+{
+	enter(c, r);
+	return leave(c, r, morph(c, r, from, to));
+}
+
+wh_code wh_replay_write_morph(wh_ctx *c, wh_replay *r, double t, const wh_replay_output *out,
+                              char checksum[33])
+{
+	const wh_progressive_morph *m = &r->morph;
+	const shape s = {m->pos, m->attr};
+	if (!m->p)
+		return wh_fail(c, WH_E_USAGE,
+		               "there is no morph to be written: call wh_replay_morph");
+	if (!(t >= 0 && t <= 1))
+		return wh_fail(c, WH_E_USAGE, "a morph goes from 0 to 1, and has no %g", t);
+	enter(c, r);
+	wh_progressive_morph_at(m, t);
+	return leave(c, r, write_shape(c, &r->p, &s, out, checksum));
 }
 
 /* ---- text --------------------------------------------------------------------------------- */

@@ -36,6 +36,35 @@ grep -q "no record of whittle progressive" err || fail "another file is not name
 head -c 30000 a.pmesh >cut.pmesh
 expect 3 "$w" replay cut.pmesh -o x.ply
 expect 5 "$w" progressive in.ply -o b.pmesh --memory 14M --cluster-faces 2K --micro-faces 1K
+
+# between two levels: frames of a morph, meshes and pictures from a camera that stands still
+expect 0 "$w" replay a.pmesh -o few.ply --faces 1000 -q
+expect 0 "$w" replay a.pmesh -o many.ply --faces 8000 -q
+expect 0 "$w" replay a.pmesh -o many-again.ply --faces 8000 --towards 1K --geomorph 0 -q
+cmp -s many.ply many-again.ply || fail "a morph does not begin at its level"
+expect 0 "$w" replay a.pmesh -o 'm%f.ply' --faces 1000 --towards 8000 --frames 3 -q
+cmp -s many.ply m0002.ply || fail "the last frame is not the level"
+cmp -s m0000.ply m0001.ply && fail "nothing moves"
+expect 2 "$w" replay a.pmesh -o 'm%f.ply' --faces 1000 --towards 8000 --frames 4
+[ ! -e m0003.ply ] || fail "a frame in spite of one that was in the way"
+grep -q "m0000.ply' exists already" err || fail "the frame in the way is not named"
+for wrong in "--geomorph 1.5" "--geomorph nan" "--geomorph -1" "--frames 1" "--frames -3" "--towards 1K" \
+	"--geomorph 0.5 --frames 3" "--geomorph 0.5 --text lines" "--geomorph 0.5 --towards 0"; do
+	# shellcheck disable=SC2086
+	expect 2 "$w" replay a.pmesh -o x.ply --faces 1000 $wrong
+done
+expect 2 "$w" replay a.pmesh -o - --frames 3
+expect 2 "$w" replay a.pmesh --geomorph 0.5
+expect 4 "$w" replay a.pmesh -o less.ply --faces 8000 --towards 10 --geomorph 1 -f
+if "$w" render few.ply -o few.png --size 90x60 -q 2>err; then
+	expect 0 "$w" replay a.pmesh -o p.png --faces 1000 --towards 8000 --frames 3 --size 90x60 -q
+	cmp -s p-0000.png p-0001.png && fail "nothing moves in the pictures"
+	[ -s p-0002.png ] || fail "frames are missing"
+	expect 3 "$w" replay a.pmesh -o p.png --frames 3 --colours -f
+	expect 1 "$w" replay a.pmesh -o none/p.png --frames 3
+else
+	grep -q 'without libpng' err || fail "render"
+fi
 [ -z "$(ls temp)" ] || fail "temporary files are left"
 [ ! -e x.ply ] && [ ! -e b.pmesh ] || fail "an output of a failure"
 exit $((failures > 0))
