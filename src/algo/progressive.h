@@ -18,6 +18,8 @@
 #include "mesh/corners.h"
 #include "mesh/patch.h"
 
+_Static_assert((int)WH_CORNERS_FAN >= (int)WH_PMESH_MOVED, "a fan has its path found");
+
 /* ---- writing ------------------------------------------------------------------------------ */
 
 /* A collapse of the run. */

@@ -9,7 +9,8 @@
  * Invariants: what a level's arrays hold is a function of the level alone; behind its last vertex
  * and face they hold what the splits will make there.
  *
- * Cost: a split turns four corners on the average; some 130 bytes a vertex.
+ * Cost: a split turns four corners on the average; some 130 bytes a vertex. Time goes by the memory
+ * that is waited for: see below.
  */
 #include "algo/progressive.h"
 
@@ -301,6 +302,56 @@ static wh_code read_split(reading *r)
 	return WH_OK;
 }
 
+/* ---- what is needed soon ------------------------------------------------------------------ */
+
+/*
+ * Splits come upon the mesh in no order, so each corner of a list is far from the one before it,
+ * and reading would wait for memory most of the time. Which vertices come is known for a whole
+ * block: the lists of the next ones are walked ahead of time, all of them side by side and one step
+ * a split. What was read there may have changed by then, which costs time and nothing else: reading
+ * takes 0.3 of the time.
+ */
+enum { SCOUTS = 12 };
+
+typedef struct scouts {
+	uint32_t corner[SCOUTS]; /* where each is; WH_NONE: at the end */
+} scouts;
+
+/* The vertex of the block's split i, if it is there already. */
+static uint32_t vertex_ahead(const reading *r, uint32_t i)
+{
+	const uint64_t v = i < r->p->block.n ? wh_pmesh_column(&r->p->block, WH_PMESH_V)[i] : 0;
+	return v < r->p->nv ? (uint32_t)v : 0;
+}
+
+static void expect_corner(const wh_corners *t, uint32_t corner)
+{
+	__builtin_prefetch(&t->next[corner]);
+	__builtin_prefetch(&t->tri[corner]);
+}
+
+/* Before split r->at. */
+static void look_ahead(const reading *r, scouts *s)
+{
+	const wh_progressive *p = r->p;
+	const wh_corners *t = &p->at;
+	__builtin_prefetch(&t->head[vertex_ahead(r, r->at + 2 * SCOUTS)]);
+	__builtin_prefetch(&p->pos[vertex_ahead(r, r->at + SCOUTS)]);
+	for (uint32_t i = 0; i < SCOUTS; i++) {
+		if (s->corner[i] == WH_NONE)
+			continue;
+		/* of the neighbours two get new corners */
+		__builtin_prefetch(&t->head[t->tri[wh_corner_after(s->corner[i])]]);
+		s->corner[i] = t->next[s->corner[i]];
+		if (s->corner[i] != WH_NONE)
+			expect_corner(t, s->corner[i]);
+	}
+	const uint32_t first = t->head[vertex_ahead(r, r->at + SCOUTS)];
+	s->corner[r->at % SCOUTS] = first;
+	if (first != WH_NONE)
+		expect_corner(t, first);
+}
+
 /* The figures that the first split of a block falls from. */
 static void begin_block(reading *r)
 {
@@ -315,14 +366,18 @@ static wh_code read_block(wh_ctx *c, wh_progressive *p)
 {
 	reading r = {.c = c, .p = p, .block = p->known / WH_PMESH_BLOCK};
 	const wh_bits_in *in = &p->block.fan;
+	scouts ahead;
 	if (wh_poll(c) != WH_OK || wh_pmesh_read_block(c, &p->file, r.block, &p->block) != WH_OK)
 		return c->err.code;
 	begin_block(&r);
-	for (r.at = 0; r.at < p->block.n; r.at++)
+	memset(&ahead, 0xff, sizeof ahead); /* WH_NONE */
+	for (r.at = 0; r.at < p->block.n; r.at++) {
+		look_ahead(&r, &ahead);
 		if (read_split(&r) != WH_OK)
 			return c->err.code;
-		else if (in->n > in->end)
+		if (in->n > in->end)
 			return nonsense(&r, "it ends inside its fans");
+	}
 	return p->nf == r.most_faces ? WH_OK : nonsense(&r, "it makes other faces than it says");
 }
 

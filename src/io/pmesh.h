@@ -147,8 +147,32 @@ void wh_pmesh_block_free(wh_ctx *c, wh_pmesh_block *b);
 
 /* Differences of reals and whole numbers of `bytes` bytes, as columns have them: wh_pmesh_real and
  * its opposite make a whole number of the bits of a real; `difference` is of whole numbers. */
-uint64_t wh_pmesh_ordered(double v, uint32_t bytes);
-double wh_pmesh_real(uint64_t ordered, uint32_t bytes);
+static inline uint64_t wh_pmesh_ordered(double v, uint32_t bytes)
+{
+	if (bytes == 8) {
+		uint64_t bits;
+		memcpy(&bits, &v, sizeof bits);
+		return bits >> 63 ? ~bits : bits | 1ULL << 63;
+	}
+	const float f = (float)v;
+	uint32_t bits;
+	memcpy(&bits, &f, sizeof bits);
+	return bits >> 31 ? (uint32_t)~bits : bits | 1U << 31;
+}
+
+static inline double wh_pmesh_real(uint64_t ordered, uint32_t bytes)
+{
+	if (bytes == 8) {
+		const uint64_t bits = ordered >> 63 ? ordered ^ 1ULL << 63 : ~ordered;
+		double v;
+		memcpy(&v, &bits, sizeof v);
+		return v;
+	}
+	const uint32_t low = (uint32_t)ordered, bits = low >> 31 ? low ^ 1U << 31 : ~low;
+	float f;
+	memcpy(&f, &bits, sizeof f);
+	return (double)f;
+}
 
 /* What stands for to - from. */
 static inline uint64_t wh_pmesh_difference(uint64_t from, uint64_t to, uint32_t bytes)

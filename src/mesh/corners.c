@@ -20,32 +20,28 @@ void wh_corners_move(const wh_corners *t, uint32_t v, uint32_t u, const uint32_t
 	*moved = WH_NONE;
 }
 
-/* Is there no step with this neighbour at the other end? */
-static bool is_end(const wh_corners *t, const uint32_t *corner, uint32_t n, uint32_t id, bool from)
+/* The only one of n ids that is not among n others; WH_NONE: there are more, or none. */
+static uint32_t only_one(const uint32_t *id, const uint32_t *others, uint32_t n)
 {
+	uint32_t found = WH_NONE, count = 0;
 	for (uint32_t i = 0; i < n; i++) {
-		const uint32_t c = corner[i];
-		if (t->tri[from ? wh_corner_before(c) : wh_corner_after(c)] == id)
-			return false;
+		uint32_t k = 0;
+		while (k < n && others[k] != id[i])
+			k++;
+		if (k < n)
+			continue;
+		found = id[i];
+		count++;
 	}
-	return true;
+	return count == 1 ? found : WH_NONE;
 }
 
 wh_path wh_corners_path(const wh_corners *t, const uint32_t *corner, uint32_t n)
 {
-	uint32_t from = 0, to = 0;
-	wh_path p = {WH_NONE, WH_NONE};
+	uint32_t behind[WH_CORNERS_FAN], before[WH_CORNERS_FAN];
 	for (uint32_t i = 0; i < n; i++) {
-		const uint32_t a = t->tri[wh_corner_after(corner[i])];
-		const uint32_t b = t->tri[wh_corner_before(corner[i])];
-		if (is_end(t, corner, n, a, true)) {
-			p.from = a;
-			from++;
-		}
-		if (is_end(t, corner, n, b, false)) {
-			p.to = b;
-			to++;
-		}
+		behind[i] = t->tri[wh_corner_after(corner[i])];
+		before[i] = t->tri[wh_corner_before(corner[i])];
 	}
-	return (wh_path){from == 1 ? p.from : WH_NONE, to == 1 ? p.to : WH_NONE};
+	return (wh_path){only_one(behind, before, n), only_one(before, behind, n)};
 }

@@ -57,6 +57,8 @@ static inline void wh_corners_face(const wh_corners *t, uint32_t f, uint32_t a, 
 	}
 }
 
+enum { WH_CORNERS_FAN = 255 }; /* corners that are looked at together, at most */
+
 /* Where the faces of some corners of one vertex lead from and to, as steps from the neighbour
  * behind each corner to the one before it. */
 typedef struct wh_path {
@@ -64,6 +66,7 @@ typedef struct wh_path {
 	    to; /* the neighbour where no step ends, where none begins; WH_NONE: not one */
 } wh_path;
 
+/* n <= WH_CORNERS_FAN. */
 wh_path wh_corners_path(const wh_corners *t, const uint32_t *corner, uint32_t n);
 
 #endif
