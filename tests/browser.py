@@ -2,6 +2,7 @@
 """Looks at a page of whittle report in a headless Chromium, through chromedriver's protocol.
 
 usage: browser.py PAGE.html LEVELS       are the view and its controls alive? one line a failure
+       browser.py PAGE.html --play      the same of a page of whittle replay
        browser.py PAGE.html --pictures DIR    screenshots: first screen, view, dark, a phone's width;
                                               and print.pdf, the page on paper
 
@@ -140,6 +141,71 @@ def check_view(browser, levels, fail):
         fail("the button does not tell that edges are shown")
 
 
+SLIDE = ("const s = document.getElementById('level'); s.value = {}; "
+         "s.dispatchEvent(new Event('input'));")
+
+
+def pressed(browser, button):
+    return browser.run(f"return document.getElementById('{button}').getAttribute('aria-pressed')")
+
+
+def check_play(browser, fail):
+    def at(share):
+        browser.run(SLIDE.format(share))
+        return settled(browser)["sum"], browser.run(COUNT)
+
+    def triangles():
+        return int("".join(re.findall(r"\d", browser.run(COUNT).split("triangles")[0])))
+
+    if not browser.until("document.getElementById('count').textContent"):
+        fail("no level is shown: " + browser.run("return document.getElementById('trouble').textContent"))
+        return
+    first = settled(browser)
+    if first["colours"] < 20 or not 0.1 < first["covered"] < 0.95:
+        fail(f"the canvas is not drawn: {first}")
+    up = [at(share) for share in (0, 250, 500, 750, 1000)]
+    down = [at(share) for share in (1000, 750, 500, 250, 0)]
+    if up != down[::-1] or len(set(up)) != 5:
+        fail(f"levels up and down: {up} {down}")
+    at(500)
+    before = triangles()
+    browser.run(FOCUS)
+    browser.keys(".")
+    after = triangles()
+    if not before < after <= before + 2:
+        fail(f"the key . goes from {before} to {after} triangles")
+    browser.keys(",")
+    if triangles() != before:
+        fail("the key , does not go back")
+    browser.keys("]")
+    if not 1.6 * before < triangles() < 2.5 * before:
+        fail(f"the key ] goes from {before} to {triangles()} triangles")
+    ends = [at(share)[0] for share in (0, 1000)]
+    browser.run(FOCUS)
+    browser.keys("g")
+    if pressed(browser, "morph") != "true" or [at(share)[0] for share in (0, 1000)] != ends:
+        fail("a geomorph does not begin and end at its levels")
+    way = [at(share) for share in range(480, 520, 10)]
+    if len(set(way)) != len(way) or not all("between" in words for _, words in way):
+        fail(f"a geomorph does not move: {way}")
+    at(0)
+    browser.run(FOCUS)
+    browser.keys(" ")
+    if not browser.until("document.getElementById('level').value > 100"):
+        fail("Space does not play")
+    browser.keys(" ")
+    if pressed(browser, "play") != "false":
+        fail("Space does not stop")
+    browser.keys("b")
+    if not browser.until("document.getElementById('level').value == 0"):
+        fail("B does not play back")
+    for what, key in (("the arrow", "\ue012"), ("+", "+"), ("W", "w"), ("F", "f")):
+        seen = settled(browser)["sum"]
+        browser.keys(key)
+        if settled(browser)["sum"] == seen:
+            fail(f"the key {what} changes nothing")
+
+
 def check_page(browser, fail):
     loads = browser.run("return performance.getEntriesByType('resource').map(r => r.name)"
                         ".filter(n => !n.startsWith('data:'))")
@@ -158,13 +224,12 @@ def check_page(browser, fail):
         fail(f"the page is {wide} pixels wider than the window")
 
 
-def check(page, levels):
+def check(page, check_it):
     failures = []
     browser = Browser((1280, 900))
     try:
         browser.open(page)
-        if levels:
-            check_view(browser, levels, failures.append)
+        check_it(browser, failures.append)
         browser.run("document.querySelectorAll('img').forEach(i => i.loading = 'eager')")
         browser.until("[...document.images].every(i => i.complete)")
         check_page(browser, failures.append)
@@ -213,7 +278,10 @@ def main():
         return 77
     if sys.argv[2] == "--pictures":
         return pictures(sys.argv[1], sys.argv[3])
-    return check(sys.argv[1], int(sys.argv[2]))
+    if sys.argv[2] == "--play":
+        return check(sys.argv[1], check_play)
+    levels = int(sys.argv[2])
+    return check(sys.argv[1], lambda browser, fail: levels and check_view(browser, levels, fail))
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 #define _POSIX_C_SOURCE 200809L
 #include "cmd.h"
 #include "replay_frames.h"
+#include "replay_page.h"
 
 #include "base/timer.h"
 
@@ -13,6 +14,7 @@ static const char help[] =
     "                                         --error E]\n"
     "       whittle replay FILE.pmesh -o OUT --faces N --towards M --geomorph T\n"
     "       whittle replay FILE.pmesh -o PICTURE.png --faces N --towards M --frames N\n"
+    "       whittle replay FILE.pmesh --page PAGE.html\n"
     "Makes a mesh of any size of a record of whittle progressive; without a limit all of\n"
     "the mesh that was recorded. Without -o and --text: says what the record holds.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
@@ -28,6 +30,9 @@ static const char help[] =
     "                        one that stays; x, y, z of where that is then; the number of\n"
     "                        faces that vanish, and which; the number of faces that\n"
     "                        change a corner, and which\n"
+    "      --page FILE       an HTML page that plays the record in any browser: a slider,\n"
+    "                        geomorphs, wireframe, keys; up to the level of the limits\n"
+    "                        above (default: 200K faces), some 50 bytes a face\n"
     "      --memory SIZE     ceiling of the process: 512M, 4G (default: half of the\n"
     "                        machine's, its control group's or the job's)\n"
     "      --ascii           text instead of binary (PLY, STL)\n"
@@ -119,6 +124,22 @@ static wh_code make_morph(wh_ctx *c, wh_replay *r, const replay_options *o, uint
 	                 : wh_replay_write_morph(c, r, o->t, &o->out, NULL);
 }
 
+/* The page goes up to the level that the limits mean; without any to one that browsers bear. That
+ * there is room for it is found out here, and *r is closed. */
+static wh_code make_page(wh_ctx *c, wh_replay **r, const replay_options *o)
+{
+	const wh_level *l = &o->limits, usual = {.faces = REPLAY_SHOWN};
+	const bool limited = l->faces || l->vertices || l->face_ratio > 0 || l->vertex_ratio > 0 ||
+	                     l->error > 0 || l->error_share > 0;
+	uint64_t level;
+	bool reached;
+	if (wh_replay_find(c, *r, limited ? l : &usual, &level, &reached) != WH_OK ||
+	    wh_replay_seek(c, *r, level) != WH_OK)
+		return c->err.code;
+	wh_replay_close(c, r);
+	return replay_page(c, o, level);
+}
+
 static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
 {
 	wh_replay_info info;
@@ -167,7 +188,7 @@ int cmd_replay(int argc, char **argv)
 	wh_replay *r;
 	wh_code code = wh_replay_open(&env.ctx, &r, o.input, o.memory);
 	if (code == WH_OK)
-		code = play(&env.ctx, r, &o);
+		code = o.page ? make_page(&env.ctx, &r, &o) : play(&env.ctx, r, &o);
 	wh_replay_close(&env.ctx, &r);
 	return code == WH_OK ? WH_OK : cmd_report_failure(&env);
 }

@@ -44,25 +44,16 @@ static const struct {
     {"data", page_write_data},
 };
 
-enum { NPLACES = sizeof places / sizeof *places, NAME_MOST = 16 };
+enum { NPLACES = sizeof places / sizeof *places };
 
-static void write_place(const page_work *w, const page_out *o, const char *name, size_t n)
+static void write_place(const void *work, const page_out *o, const char *name, size_t n)
 {
 	for (int i = 0; i < NPLACES; i++)
 		if (strlen(places[i].name) == n && strncmp(places[i].name, name, n) == 0)
-			places[i].write(w, o);
+			places[i].write(work, o);
 }
 
 void page_write(const page_work *w, const page_out *o)
 {
-	const char *at = (const char *)page_html;
-	for (const char *open; (open = strstr(at, "{{")) != NULL;) {
-		const char *close = strstr(open, "}}");
-		if (!close)
-			break;
-		page_put_n(o, at, (size_t)(open - at));
-		write_place(w, o, open + 2, (size_t)(close - open) - 2);
-		at = close + 2;
-	}
-	page_put(o, at);
+	page_fill(o, (const char *)page_html, write_place, w);
 }

@@ -1,5 +1,7 @@
 #include "page_out.h"
 
+#include "page_files.h"
+
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -25,6 +27,34 @@ void page_putf(const page_out *o, const char *fmt, ...)
 	(void)vsnprintf(text, sizeof text, fmt, ap);
 	va_end(ap);
 	page_put(o, text);
+}
+
+void page_fill(const page_out *o, const char *html,
+               void (*put)(const void *from, const page_out *o, const char *name, size_t n),
+               const void *from)
+{
+	for (const char *open; (open = strstr(html, "{{")) != NULL;) {
+		const char *close = strstr(open, "}}");
+		if (!close)
+			break;
+		page_put_n(o, html, (size_t)(open - html));
+		put(from, o, open + 2, (size_t)(close - open) - 2);
+		html = close + 2;
+	}
+	page_put(o, html);
+}
+
+void page_scripts(const page_out *o, const unsigned char *view, const unsigned char *what)
+{
+	page_put(o, "<script>\n/*\n");
+	page_put(o, (const char *)page_licence);
+	page_put(o, "*/\n");
+	page_put(o, (const char *)page_three);
+	page_put(o, "\n</script>\n<script>\n(function () {\n'use strict';\n\n");
+	page_put(o, (const char *)view);
+	page_put(o, "\n");
+	page_put(o, (const char *)what);
+	page_put(o, "}());\n</script>\n");
 }
 
 /* ---- text ----------------------------------------------------------------------------------- */

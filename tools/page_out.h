@@ -36,6 +36,14 @@ void page_bytes(const page_out *o, double bytes);
 /* 0.123 s, 12.3 s, 3 min 4 s. */
 void page_seconds(const page_out *o, double seconds);
 
+/* A page with {{places}}: `put` writes what belongs at the one of this name. */
+void page_fill(const page_out *o, const char *html,
+               void (*put)(const void *from, const page_out *o, const char *name, size_t n),
+               const void *from);
+
+/* A script of three.js, its licence, and these two scripts in one function. */
+void page_scripts(const page_out *o, const unsigned char *view, const unsigned char *what);
+
 /* The last part of a path. */
 const char *page_name(const char *path);
 

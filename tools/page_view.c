@@ -106,11 +106,5 @@ void page_write_data(const page_work *w, const page_out *o)
 	if (page_three_bytes == 0)
 		return;
 	write_meshes(w, o);
-	page_put(o, "<script>\n/*\n");
-	page_put(o, (const char *)page_licence);
-	page_put(o, "*/\n");
-	page_put(o, (const char *)page_three);
-	page_put(o, "\n</script>\n<script>\n");
-	page_put(o, (const char *)page_view);
-	page_put(o, "</script>\n");
+	page_scripts(o, page_view, page_levels);
 }

@@ -14,6 +14,7 @@ enum {
 	OPT_RATIO,
 	OPT_ERROR,
 	OPT_TEXT,
+	OPT_PAGE,
 	OPT_TO,
 	OPT_MEMORY,
 	OPT_ASCII,
@@ -41,6 +42,7 @@ static const struct option long_options[] = {
     {"ratio", required_argument, NULL, OPT_RATIO},
     {"error", required_argument, NULL, OPT_ERROR},
     {"text", required_argument, NULL, OPT_TEXT},
+    {"page", required_argument, NULL, OPT_PAGE},
     {"to", required_argument, NULL, OPT_TO},
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"ascii", no_argument, NULL, OPT_ASCII},
@@ -129,6 +131,9 @@ static bool take_option(replay_options *o, int opt, const char *arg)
 	case OPT_TEXT:
 		o->text = arg;
 		return true;
+	case OPT_PAGE:
+		o->page = arg;
+		return true;
 	case OPT_TO:
 		o->out.to = arg;
 		return true;
@@ -183,6 +188,9 @@ static int check_morph(const char *name, const replay_options *o)
 		                             "of the two");
 	if (towards && !o->geomorph && !o->frames)
 		return cmd_usage_error(name, "--towards needs --geomorph T or --frames N");
+	if (o->page && (o->out.path || o->text || o->geomorph || o->frames))
+		return cmd_usage_error(name, "--page has all levels and morphs on it: leave out "
+		                             "-o, --text, --geomorph and --frames");
 	if (!o->geomorph && !o->frames)
 		return WH_OK;
 	if (!o->out.path)

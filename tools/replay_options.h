@@ -20,6 +20,7 @@ typedef struct replay_options {
 	wh_replay_output out; /* path NULL: no mesh */
 	wh_level limits;
 	const char *text; /* NULL: none */
+	const char *page; /* NULL: none */
 	size_t memory;    /* 0: the default */
 	/* of a morph from the level of the limits to another one: */
 	wh_level towards; /* that one; without limits the finest */

@@ -1,4 +1,5 @@
-# The page of whittle report in a browser: its view is alive, it loads nothing, the console is empty.
+# The pages of whittle report and replay in a browser: their views are alive, they load nothing, the
+# console is empty.
 browser_py=$(realpath "$(dirname "$0")/../browser.py")
 . "$(dirname "$0")/lib.sh"
 
@@ -18,5 +19,12 @@ fi
 status=$?
 [ "$status" -eq 77 ] && [ "$failures" -eq 0 ] && exit 77
 [ "$status" -eq 0 ] || fail "in the browser"
+
+expect 0 "$WHITTLE" progressive a.ply -o a.pmesh -q
+if "$WHITTLE" replay a.pmesh --page play.html -q 2>err; then
+	python3 "$browser_py" play.html --play || fail "the player in the browser"
+else
+	grep -q 'built without three.js' err || fail "replay --page"
+fi
 [ "$failures" -eq 0 ] || exit 1
 echo "report_view: ok"

@@ -1,12 +1,10 @@
 /*
- * The view of a report: its levels, as mesh/compact wrote them, to turn around.
+ * The view of a page: a mesh to turn around. Followed, within one function, by what shows meshes in
+ * it: levels.js of a report, or play.js of a progressive mesh; these call start().
  *
  * A frame is drawn when something has changed, and at no other time. Space is turned so that up is
- * y, and scaled so that the first level has a radius of about 1 around the origin.
+ * y, and scaled so that what comes first has a radius of about 1 around the origin.
  */
-(function () {
-'use strict';
-
 const FIELD = 28 * Math.PI / 180; // of view, the lesser of both
 const byId = id => document.getElementById(id);
 const data = JSON.parse(byId('data').textContent);
@@ -19,7 +17,7 @@ function fail(text)
 	trouble.hidden = false;
 }
 
-/* ---- levels -------------------------------------------------------------------------------- */
+/* ---- data ---------------------------------------------------------------------------------- */
 
 function bytesOf(id)
 {
@@ -28,49 +26,6 @@ function bytesOf(id)
 	for (let i = 0; i < text.length; i++)
 		bytes[i] = text.charCodeAt(i);
 	return bytes;
-}
-
-/* Corners and grid places: see src/mesh/compact.h for the bytes. */
-function decode(bytes, nv, nf)
-{
-	const index = new Uint32Array(3 * nf), grid = new Uint16Array(3 * nv);
-	const last = [0, 0, 0];
-	let at = 0, met = 0;
-	const number = () => {
-		let n = 0, factor = 1, b;
-		do {
-			b = bytes[at++];
-			n += (b & 127) * factor;
-			factor *= 128;
-		} while (b & 128);
-		return n;
-	};
-	for (let i = 0; i < 3 * nf; i++) {
-		const ago = number();
-		const v = ago === 0 ? met++ : met - ago;
-		for (let k = 0; k < 3; k++) {
-			if (ago === 0) {
-				const n = number();
-				grid[3 * v + k] = last[k] + (n % 2 ? -(n + 1) / 2 : n / 2);
-			}
-			last[k] = grid[3 * v + k];
-		}
-		index[i] = v;
-	}
-	return { index, grid };
-}
-
-
-/* The box of a level, in the file's coordinates. */
-function boxOf(level, grid)
-{
-	const lo = [Infinity, Infinity, Infinity], hi = [-Infinity, -Infinity, -Infinity];
-	for (let i = 0; i < grid.length; i++) {
-		lo[i % 3] = Math.min(lo[i % 3], grid[i]);
-		hi[i % 3] = Math.max(hi[i % 3], grid[i]);
-	}
-	const there = (g, k) => level.origin[k] + level.step * g;
-	return { lo: lo.map(there), hi: hi.map(there) };
 }
 
 /* What is flat lies: the rule of whittle render. */
@@ -82,9 +37,8 @@ function guessUp(box)
 
 let space = null; // what the first level fixes: middle, scale, up
 
-function fixSpace(level, grid)
+function fixSpace(box)
 {
-	const box = boxOf(level, grid);
 	const up = data.up || guessUp(box);
 	const side = box.hi.map((h, k) => h - box.lo[k]);
 	space = {
@@ -102,33 +56,6 @@ const TURNS = {
 	y: (x, y, z) => [x, y, z],
 	z: (x, y, z) => [x, z, -y]
 };
-
-function placesOf(level, grid)
-{
-	const out = new Float32Array(grid.length), turn = TURNS[space.up];
-	const put = (g, k) => (level.origin[k] - space.middle[k] + level.step * g) * space.scale;
-	for (let i = 0; i < grid.length; i += 3)
-		out.set(turn(put(grid[i], 0), put(grid[i + 1], 1), put(grid[i + 2], 2)), i);
-	return out;
-}
-
-const made = []; // geometries
-
-function geometryOf(i)
-{
-	if (made[i])
-		return made[i];
-	const level = data.levels[i];
-	const { index, grid } = decode(bytesOf('mesh-' + i), level.shown_vertices, level.shown_faces);
-	if (!space)
-		fixSpace(level, grid);
-	const g = new THREE.BufferGeometry();
-	g.setIndex(new THREE.BufferAttribute(index, 1));
-	g.setAttribute('position', new THREE.BufferAttribute(placesOf(level, grid), 3));
-	g.computeVertexNormals();
-	made[i] = g;
-	return g;
-}
 
 /* ---- scene --------------------------------------------------------------------------------- */
 
@@ -272,34 +199,6 @@ function toggleFacets()
 
 const grouped = n => String(n).replace(/\B(?=(\d{3})+$)/g, '\u202f');
 
-let shown = -1;
-
-function show(i)
-{
-	const level = data.levels[i];
-	if (i === shown || !level)
-		return;
-	three.solid.geometry = three.wires.geometry = geometryOf(i);
-	shown = i;
-	byId('count').textContent = level.shown_faces === level.faces ? grouped(level.faces) + ' triangles'
-		: grouped(level.shown_faces) + ' triangles, reduced for this page from ' + grouped(level.faces);
-	byId('levels').querySelectorAll('input')[i].checked = true;
-	redraw();
-}
-
-function listLevels()
-{
-	data.levels.forEach((level, i) => {
-		const label = document.createElement('label'), input = document.createElement('input');
-		input.type = 'radio';
-		input.name = 'level';
-		input.value = i;
-		input.addEventListener('change', () => show(i));
-		label.append(input, level.name);
-		byId('levels').append(label);
-	});
-}
-
 /* ---- hands --------------------------------------------------------------------------------- */
 
 const STEP = 5 * Math.PI / 180, SHIFT = 0.05, NEARER = 1.2;
@@ -307,8 +206,7 @@ const keys = {
 	w: toggleWires,
 	f: toggleFacets,
 	'0': home, Home: home,
-	'+': () => zoom(NEARER), '=': () => zoom(NEARER), '-': () => zoom(1 / NEARER),
-	'[': () => show(shown - 1), ']': () => show(shown + 1)
+	'+': () => zoom(NEARER), '=': () => zoom(NEARER), '-': () => zoom(1 / NEARER)
 };
 const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
@@ -377,15 +275,17 @@ function listen()
 	new ResizeObserver(resize).observe(canvas);
 }
 
-try {
-	openScene();
-} catch (e) {
-	fail('This browser shows no three dimensions (WebGL). The pictures tell the same.');
-	return;
+/* Shows what `first` puts on the canvas. */
+function start(first)
+{
+	try {
+		openScene();
+	} catch (e) {
+		fail('This browser shows no three dimensions (WebGL). The pictures tell the same.');
+		return;
+	}
+	first();
+	resize();
+	home();
+	listen();
 }
-listLevels();
-show(0);
-resize();
-home();
-listen();
-}());
