@@ -73,22 +73,24 @@ static uint32_t get_turns(const play_page *g, size_t i)
 	return g->p->moved[i];
 }
 
+enum { CHUNK = 3 * 1024 }; /* numbers: base64 of three bytes ends on a letter */
+
 /* n numbers of 4 bytes or 1. */
 static void put_column(const play_page *g, const page_out *o, const char *name, size_t n,
                        uint32_t (*get)(const play_page *g, size_t i), bool bytes)
 {
-	uint8_t *all = wh_alloc(o->c, n, bytes ? 1 : 4);
-	for (size_t i = 0; all && i < n; i++)
-		if (bytes)
-			all[i] = (uint8_t)get(g, i);
-		else
-			(void)wh_put32(all + 4 * i, get(g, i));
-	if (all) {
-		page_putf(o, "<script type=\"text/plain\" id=\"%s\">", name);
-		page_base64(o, all, bytes ? n : 4 * n);
-		page_put(o, "</script>\n");
+	uint8_t chunk[4 * CHUNK];
+	page_putf(o, "<script type=\"text/plain\" id=\"%s\">", name);
+	for (size_t i = 0; i < n && wh_poll(o->c) == WH_OK; i += CHUNK) {
+		const size_t most = n - i < CHUNK ? n - i : CHUNK;
+		for (size_t k = 0; k < most; k++)
+			if (bytes)
+				chunk[k] = (uint8_t)get(g, i + k);
+			else
+				(void)wh_put32(chunk + 4 * k, get(g, i + k));
+		page_base64(o, chunk, bytes ? most : 4 * most);
 	}
-	wh_free(o->c, all);
+	page_put(o, "</script>\n");
 }
 
 /* ---- places of the page ------------------------------------------------------------------- */
