@@ -219,9 +219,12 @@ def check_page(browser, fail):
                           "!i.naturalWidth).length")
     if missing:
         fail(f"{missing} pictures without words or pixels")
-    wide = browser.run("return document.documentElement.scrollWidth - innerWidth")
-    if wide > 0:
-        fail(f"the page is {wide} pixels wider than the window")
+    for width in (1280, 390):
+        browser.cdp("Emulation.setDeviceMetricsOverride", width=width, height=844,
+                    deviceScaleFactor=1, mobile=False)
+        wide = browser.run("return document.documentElement.scrollWidth - innerWidth")
+        if wide > 0:
+            fail(f"the page is {wide} pixels wider than a window of {width}")
 
 
 def check(page, check_it):

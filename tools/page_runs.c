@@ -38,34 +38,46 @@ static void put_figure(const page_out *o, const char *what)
 	page_putf(o, "<div><dt>%s</dt><dd>", what);
 }
 
-static void put_size(const page_work *w, const page_out *o)
+/* The level that all figures of one level are of: the first, which the view begins with. */
+static const page_mesh *head_level(const page_work *w)
 {
-	const page_mesh *least = &w->mesh[1];
-	for (int i = 2; i < w->n; i++)
-		if (w->mesh[i].faces < least->faces)
-			least = &w->mesh[i];
-	put_figure(o, "Triangles");
-	page_count(o, w->mesh[0].faces);
-	page_put(o, " <span class=\"to\">&rarr;</span> ");
-	page_count(o, least->faces);
-	page_put(o, "</dd></div>\n");
+	return &w->mesh[1];
 }
 
-/* Of the first level. */
+/* Under a figure: its level, where there are several, and what else there is to say. */
+static void put_of_level(const page_work *w, const page_out *o, double percent, const char *of)
+{
+	if (w->n > 2) {
+		page_put(o, "<dd class=\"sub name\">");
+		page_text(o, page_name(head_level(w)->path));
+		page_put(o, "</dd>");
+	}
+	page_put(o, "<dd class=\"sub\">");
+	page_real(o, percent);
+	page_putf(o, "&#8239;%% of the %s</dd>", of);
+}
+
+static void put_size(const page_work *w, const page_out *o)
+{
+	const uint64_t from = w->mesh[0].faces, to = head_level(w)->faces;
+	put_figure(o, "Triangles");
+	page_count(o, from);
+	page_put(o, " <span class=\"to\">&rarr;</span> ");
+	page_count(o, to);
+	page_put(o, "</dd>");
+	if (from > 0)
+		put_of_level(w, o, (double)to / (double)from * 100, "input");
+	page_put(o, "</div>\n");
+}
+
 static void put_error(const page_work *w, const page_out *o)
 {
-	const wh_compare *r = &w->mesh[1].distance;
-	page_put(o, "<div><dt>RMS distance");
-	page_put(o, w->n > 2 ? ", " : "");
-	page_text(o, w->n > 2 ? page_name(w->mesh[1].path) : "");
-	page_put(o, "</dt><dd>");
+	const wh_compare *r = &head_level(w)->distance;
+	put_figure(o, "RMS distance");
 	page_real(o, r->rms);
 	page_put(o, "</dd>");
-	if (r->diagonal > 0) {
-		page_put(o, "<dd class=\"sub\">");
-		page_real(o, r->rms / r->diagonal * 100);
-		page_put(o, "&#8239;% of the diagonal</dd>");
-	}
+	if (r->diagonal > 0)
+		put_of_level(w, o, r->rms / r->diagonal * 100, "diagonal");
 	page_put(o, "</div>\n");
 }
 
@@ -83,7 +95,7 @@ static void put_costs(const page_work *w, const page_out *o)
 		page_put(o, "</dd></div>\n");
 	}
 	if (memory > 0) {
-		put_figure(o, "Peak memory");
+		put_figure(o, w->o->nruns > 1 ? "Peak memory, all runs" : "Peak memory");
 		page_bytes(o, memory);
 		page_put(o, "</dd></div>\n");
 	}
@@ -177,8 +189,8 @@ static void put_phases(const page_out *o, const json_t *run)
 	    o, "<th scope=\"col\">Read</th><th scope=\"col\">Written</th></tr></thead>\n<tbody>\n");
 	json_object_foreach(phases, name, phase) if (number(phase, "seconds") > 0)
 	    put_phase(o, name, phase, &s);
-	page_put(o, "</tbody></table></div>\n<p class=\"small\">The dark part of a bar: threads at "
-	            "work, on average, of ");
+	page_put(o, "</tbody></table></div>\n<p class=\"small\">The strong part of a bar: threads "
+	            "at work, on average, of ");
 	put_whole(o, s.threads);
 	page_put(o, ".</p>\n");
 }

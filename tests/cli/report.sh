@@ -35,6 +35,7 @@ for text in 'id="distances"' 'id="seams"' 'id="runs"' '<h3>b.ply</h3>' '<td>200<
 	'Colours, RMS' 'Holes closed'; do
 	has "$text"
 done
+[ "$(grep -c '<dd class="sub name">b.ply' p.html)" -eq 2 ] || fail "figures at the head of two levels"
 if grep -q 'without libpng' out; then
 	has 'No pictures'
 else
