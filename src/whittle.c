@@ -146,8 +146,17 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 	return WH_OK;
 }
 
-/* What an unfinished target means to the caller; the mesh is written already. */
-static wh_code verdict(wh_run *r)
+/* What may reach a target that was missed: the next step of what is given up for it. */
+static const char *remedy(const wh_run *r, bool wedged)
+{
+	if (!r->params->simplify_topology)
+		return "; --topology simplify may reach it";
+	return wedged ? "; --attributes none may reach it" : "";
+}
+
+/* What an unfinished target means to the caller; the mesh is written already. `wedged`: faces and
+ * their corners carry something, which may be what is in the way. */
+static wh_code verdict(wh_run *r, bool wedged)
 {
 	const wh_reduce_report *t = r->report;
 	if (!t->exhausted)
@@ -155,12 +164,12 @@ static wh_code verdict(wh_run *r)
 	return wh_fail(
 	    r->c, WH_E_TARGET,
 	    "%s: stopped at %llu faces, more than asked for: every further collapse would "
-	    "%sturn faces over%s%s; this best mesh was written%s",
+	    "%sturn faces over%s%s%s; this best mesh was written%s",
 	    r->params->output, (unsigned long long)t->output_faces,
 	    r->params->simplify_topology ? "" : "change the topology or ",
 	    r->params->lock_boundary ? ", or move the locked boundary" : "",
 	    t->nonmanifold_kept ? ", or move non-manifold vertices, which are kept" : "",
-	    r->params->simplify_topology ? "" : "; --topology simplify may reach it");
+	    wedged ? ", or break what faces and their corners carry" : "", remedy(r, wedged));
 }
 
 static bool is_sensible(const wh_level *l)
@@ -262,6 +271,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 		report->bytes_written += report->level[i].bytes;
 	wh_patch_free(c, &r.patch);
 	wh_sequence_free(c, &r.sequence);
+	const bool wedged = r.input.wedges.bytes > 0;
 	if (r.input_open)
 		wh_input_close(c, &r.spill, &r.input);
 	wh_run_close_folder(&r, code);
@@ -272,7 +282,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 		c->err = (wh_error){0};
 		return WH_OK;
 	}
-	return code == WH_OK ? verdict(&r) : code;
+	return code == WH_OK ? verdict(&r, wedged) : code;
 }
 
 /* ---- the plan ----------------------------------------------------------------------------- */

@@ -366,6 +366,22 @@ printf 'ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty floa
 expect 0 "$WHITTLE" reduce -q part.ply -o parts.ply --faces 2 --ascii --min-component 1
 [ "$(tail -2 parts.ply | sort)" = "$(printf '3 0 1 3 7\n3 0 3 2 9')" ] || fail "labels: $(cat parts.ply)"
 
+# labels like a chessboard's hold every vertex, and the advice says what frees them
+python3 - >board.ply <<'E2'
+n = 8
+print("ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z" % (n + 1) ** 2)
+print("element face %d\nproperty list uchar int vertex_indices\nproperty uchar part\nend_header" % (2 * n * n))
+for i in range((n + 1) ** 2):
+    print(i % (n + 1), i // (n + 1), 0)
+for i in range(n * n):
+    a = i // n * (n + 1) + i % n
+    for b, c in ((a + 1, a + n + 2), (a + n + 2, a + n + 1)):
+        print(3, a, b, c, (i // n + i) % 2)
+E2
+expect 4 "$WHITTLE" reduce board.ply -o stuck.ply --faces 4 --topology simplify
+grep -q 'attributes none' err || fail "no advice: $(cat err)"
+expect 0 "$WHITTLE" reduce board.ply -o free.ply --faces 4 --topology simplify --attributes none
+
 # a list of texture coordinates that is neither two for each corner nor empty is damage
 listed() {
 	printf 'ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 0\n3 0 2 3 %s\n' "$1" >listed.ply

@@ -64,6 +64,7 @@ E2
 python3 book.py >book.ply
 expect 4 "$WHITTLE" reduce book.ply -o stuck.ply --faces 6
 grep -q 'topology simplify' err || fail "no advice: $(cat err)"
+! grep -q 'attributes none' err || fail "advice that is of no use: $(cat err)"
 expect 0 "$WHITTLE" reduce book.ply -o open.ply --faces 6 --topology simplify --report split.json
 grep -q '"nonmanifold_vertices_split": 2[0-9]' split.json || fail "split: $(grep split split.json)"
 [[ "$(look open.ply)" == "faces=6 components=3 "*" nonmanifold_edges=0 nonmanifold_vertices=0" ]] ||
