@@ -11,7 +11,7 @@
 
 static const char help[] =
     "usage: whittle render FILE... -o PICTURE.png\n"
-    "A picture of a PLY mesh, or of a cloud of points, of any size.\n\n"
+    "A picture of a mesh (PLY, OBJ, OFF, STL), or of a cloud of points, of any size.\n\n"
     "  -o, --output FILE      where to; - is standard output\n"
     "      --size WxH         pixels (1200x900; of each on a contact sheet: 640x480)\n"
     "      --view NAME        front, back, left, right, top, bottom or iso (default: from\n"

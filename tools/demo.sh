@@ -2,9 +2,14 @@
 # From a fresh clone to a result: installs what is missing, builds, makes a scan of 4 million
 # faces, reduces it to 1 % and says what that took.
 #
-# usage: tools/demo.sh [FACES]
+# usage: tools/demo.sh [FACES]      for example: tools/demo.sh 1M
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+if [[ ${1:-} == -* ]]; then
+	sed -n '2,/^# usage/s/^# \?//p' tools/demo.sh
+	exit 0
+fi
 
 faces=${1:-4M}
 whittle=build/demo/whittle
@@ -13,7 +18,7 @@ small=build/demo/small.ply
 report=build/demo/report.json
 
 build() {
-	echo "== building, optimised"
+	echo "== building, optimised (a minute or two)"
 	cmake --preset release -B build/demo --log-level=WARNING -DWHITTLE_TESTS=OFF >/dev/null
 	cmake --build build/demo -j "$(nproc)" >/dev/null
 }

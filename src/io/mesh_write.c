@@ -120,8 +120,10 @@ static char *obj_vertex(const wh_mesh_out *m, char *to, const double xyz[3], con
 	to[-1] = '\n';
 	if (!has_normal(m))
 		return to;
-	memcpy(to, "vn ", 3);
-	to = put_values(to + 3, a, a->normal, 3, record);
+	*to++ = 'v';
+	*to++ = 'n';
+	*to++ = ' ';
+	to = put_values(to, a, a->normal, 3, record);
 	to[-1] = '\n';
 	return to;
 }

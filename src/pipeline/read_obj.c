@@ -569,14 +569,15 @@ static wh_code carry_corner(wh_ctx *c, const job *j, reader *r, const walk *k,
 	wh_wedges_no_corner(w, to);
 	for (int list = 0; list < WH_OBJ_LISTS; list++) {
 		const uint64_t id = wh_obj_index_id(index[list], k->at.listed[list]);
-		wh_vec3 v;
+		wh_vec3 v = {0};
 		bool found;
 		if (list == WH_OBJ_TEXCOORDS ? !a->has_texture : !a->has_normal)
 			continue;
 		if (look_up(c, j, r, list, id, &v, &found) != WH_OK)
 			return c->err.code;
-		for (uint32_t n = 0; found && n < lists[list].width; n++)
-			wh_attribute_set(&a->item[at[list][n]], to, (&v.x)[n]);
+		const double value[] = {v.x, v.y, v.z};
+		for (uint32_t n = 0; found && n < lists[list].width && n < 3; n++)
+			wh_attribute_set(&a->item[at[list][n]], to, value[n]);
 	}
 	return WH_OK;
 }

@@ -58,10 +58,12 @@ wh_code wh_run_refuse_record(wh_run *r)
 	if (!r->params->progressive)
 		return WH_OK;
 	if (s->wedges)
-		return wh_fail(r->c, WH_E_USAGE,
-		               "'%s': what its faces carry cannot be recorded: name the properties "
-		               "of vertices that matter with --attributes, or none",
-		               r->params->input);
+		return wh_fail(
+		    r->c, WH_E_USAGE,
+		    "'%s': texture coordinates, normals and materials of faces cannot be "
+		    "recorded: leave them out with --attributes none, or name the "
+		    "properties of vertices that matter",
+		    r->params->input);
 	if (s->nv >= UINT32_MAX || s->nf >= UINT32_MAX / 4)
 		return wh_fail(r->c, WH_E_PLAN,
 		               "'%s' has more than 1 G faces: too many to be recorded",

@@ -65,7 +65,7 @@ wh_code wh_run_too_small(wh_run *r, const char *what, size_t need)
 	               "%s needs more memory than the ceiling of %zu MiB: use --memory %zuM%s",
 	               what, r->memory >> 20, least > planned ? least : planned,
 	               each == 0 || each > SMALL_CLUSTER
-	                   ? ", or smaller clusters, such as --cluster-faces 64k"
+	                   ? ", or less with smaller clusters (--cluster-faces 64k)"
 	                   : "");
 }
 
