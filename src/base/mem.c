@@ -200,13 +200,14 @@ static void *reuse(wh_mem *m, size_t bytes)
 static void *map(wh_mem *m, size_t bytes)
 {
 	void *p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-	if (p != MAP_FAILED) {
-		touch(p, 0, bytes);
-		return p;
+	if (p == MAP_FAILED) {
+		trim(m, true);
+		p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
 	}
-	trim(m, true);
-	p = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-	return p == MAP_FAILED ? NULL : p;
+	if (p == MAP_FAILED)
+		return NULL;
+	touch(p, 0, bytes);
+	return p;
 }
 
 /* A block with pages of its own, larger or smaller. One that was put together of several may not be

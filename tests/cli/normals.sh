@@ -5,12 +5,12 @@ command -v python3 >/dev/null || {
 	exit 77
 }
 
-# lens.py make KIND...: KIND.obj, two bumpy caps that meet in a sharp ring, with normals of corners ("hard"), also
-# with texture coordinates ("mapped"), or one normal a vertex, of its number ("soft", "back": counted
-# back)
-# lens.py look KIND FILE [KIND FILE]...: what became of each, a line a file: normals of another length than 1, or far off their face, or of
-# the other cap; on the ring: normals that the file did not have; edges that are open where equal
-# positions are one
+# lens.py make KIND...: KIND.obj, two bumpy caps that meet in a sharp ring, with normals of corners
+# ("hard"), also with texture coordinates ("mapped"), or one normal a vertex, of its number ("soft",
+# "back": counted back)
+# lens.py look KIND FILE [KIND FILE]...: what became of each, a line a file: normals of another length
+# than 1, or far off their face, or of the other cap; on the ring: normals that the file did not have;
+# edges that are open where equal positions are one
 cat >lens.py <<'END'
 import json, math, struct, sys
 RINGS, SECTORS = 20, 60
