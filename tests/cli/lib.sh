@@ -1,6 +1,8 @@
 # What the command-line tests share: a scratch folder to work in, and checks that count failures.
 # Source it first; end with the failures.
 set -u
+PYTHONPATH=$(realpath "$(dirname "$0")/..") # glb.py
+export PYTHONPATH PYTHONDONTWRITEBYTECODE=1
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 cd "$dir" || exit 1

@@ -12,7 +12,7 @@ command -v python3 >/dev/null || {
 # than 1, or far off their face, or of the other cap; on the ring: normals that the file did not have;
 # edges that are open where equal positions are one
 cat >lens.py <<'END'
-import json, math, struct, sys
+import glb, math, struct, sys
 RINGS, SECTORS = 20, 60
 f32 = lambda x: struct.unpack("f", struct.pack("f", x))[0]
 
@@ -104,20 +104,9 @@ def load_ply(kind, path):
     return with_vertices([r[:3] for r in rows], [r[3:] for r in rows], tri)
 
 def load_glb(kind, path):
-    data = open(path, "rb").read()
-    n, = struct.unpack_from("<I", data, 12)
-    j, body = json.loads(data[20:20 + n]), data[28 + n:]
-    p = j["meshes"][0]["primitives"][0]
-    def get(i, form):
-        a = j["accessors"][i]
-        view = j["bufferViews"][a["bufferView"]]
-        size = struct.calcsize("<" + form)
-        at = view.get("byteOffset", 0) + a.get("byteOffset", 0)
-        return [struct.unpack_from("<" + form, body, at + i * view.get("byteStride", size)) for i in range(a["count"])]
-    ids = [x for x, in get(p["indices"], "I")]
-    assert ("TEXCOORD_0" in p["attributes"]) == (kind == "mapped")
-    return with_vertices(get(p["attributes"]["POSITION"], "3f"), get(p["attributes"]["NORMAL"], "3f"),
-        [ids[3 * i:3 * i + 3] for i in range(len(ids) // 3)])
+    _, at, ids = glb.load(path)
+    assert ("TEXCOORD_0" in at) == (kind == "mapped")
+    return with_vertices(at["POSITION"], at["NORMAL"], [ids[i:i + 3] for i in range(0, len(ids), 3)])
 
 def look(kind, path):
     places, faces = {"obj": load_obj, "ply": load_ply, "glb": load_glb}[path[-3:]](kind, path)
