@@ -14,6 +14,7 @@
 #include "base/timer.h"
 #include "exec/topo.h"
 #include "io/rply_read.h"
+#include "pipeline/skins.h"
 #include "run/run.h"
 
 #include <string.h>
@@ -36,16 +37,24 @@ wh_reduce_params wh_reduce_defaults(void)
 	return (wh_reduce_params){.cluster_faces = 128ULL * 1024, .micro_faces = 16ULL * 1024};
 }
 
-/* The formats that the caller names, or the output's name tells. */
+/* What the outputs' names tell. */
+static wh_code name_formats(wh_run *r)
+{
+	const wh_reduce_params *p = r->params;
+	if (p->seams && wh_format_only(r->c, p->seams, "ply") != WH_OK)
+		return r->c->err.code;
+	return p->progressive && p->output
+	           ? wh_format_only(r->c, p->output, "pmesh")
+	           : wh_format_of_output(r->c, p->to, p->output, &r->to, &r->packing);
+}
+
+/* The formats that the caller names, or the outputs' names tell. */
 static wh_code take_formats(wh_run *r)
 {
 	const char *reader = r->params->reader;
-	const char *from = r->params->from, *to = r->params->to;
-	if (!wh_format_of_output(to, r->params->output, &r->to, &r->packing))
-		return wh_fail(r->c, WH_E_USAGE,
-		               "'%s' is no format that can be written: give ply, obj, off, stl or "
-		               "glb, perhaps with .gz or .zst behind it",
-		               to);
+	const char *from = r->params->from;
+	if (name_formats(r) != WH_OK)
+		return r->c->err.code;
 	if (r->params->quantize && r->to != WH_FORMAT_GLB)
 		return wh_fail(r->c, WH_E_USAGE,
 		               "only GLB is written with quantized positions: name the output "
@@ -144,6 +153,20 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 			return r->c->err.code;
 	}
 	return WH_OK;
+}
+
+/* What the output names of that which lies beside the input. Not being able to tell is no failure.
+ */
+static void list_references(wh_run *r)
+{
+	char *list = r->report->refers;
+	const size_t size = sizeof r->report->refers;
+	const char *texture = wh_run_style(r).texture;
+	wh_ctx own = wh_ctx_fork(r->c);
+	if (r->input.wedges.bytes && (r->to == WH_FORMAT_OBJ || r->to == WH_FORMAT_PLY))
+		(void)wh_skins_list_files(&own, &r->input, list, size);
+	else if (r->to == WH_FORMAT_GLB && texture)
+		wh_list_name(list, size, texture);
 }
 
 /* What may reach a target that was missed: the next step of what is given up for it. */
@@ -272,8 +295,10 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	wh_patch_free(c, &r.patch);
 	wh_sequence_free(c, &r.sequence);
 	const bool wedged = r.input.wedges.bytes > 0;
-	if (r.input_open)
+	if (r.input_open) {
+		list_references(&r);
 		wh_input_close(c, &r.spill, &r.input);
+	}
 	wh_run_close_folder(&r, code);
 	wh_spill_close(c, &r.spill);
 	c->mem->limit = old_limit;

@@ -203,6 +203,8 @@ typedef struct wh_reduce_report {
 	                      (normal)"; then those of corners and faces */
 	char dropped[512]; /* what else the file holds and the output does not, by name,
 	                      comma-separated */
+	char refers[512];  /* files that the output names as the input does, and that have to lie
+	                      beside it: of materials, and pictures */
 	double diagonal;   /* of the input's bounding box */
 
 	uint64_t output_bytes, output_vertices, output_faces;

@@ -154,6 +154,18 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out)
 	return true;
 }
 
+int cmd_threads(const char *name, int64_t asked)
+{
+	const int processors = wh_exec_threads(0);
+	if (asked > processors)
+		(void)fprintf(stderr,
+		              "whittle %s: warning: %lld threads on %d processor%s: no faster than "
+		              "%d, and each takes memory\n",
+		              name, (long long)asked, processors, processors == 1 ? "" : "s",
+		              processors);
+	return wh_exec_threads((int)asked);
+}
+
 bool cmd_parse_samples(const char *text, int64_t *out)
 {
 	return cmd_parse_count(text, false, out) && *out >= 1 && *out <= 1000000000000;

@@ -52,6 +52,10 @@ bool cmd_parse_count(const char *text, bool binary, int64_t *out);
 /* Points to measure at: a count from 1 to 10^12. */
 bool cmd_parse_samples(const char *text, int64_t *out);
 
+/* The threads to work with: so many, or all processors when it is 0. More than there are processors
+ * are taken, too, with a warning. */
+int cmd_threads(const char *name, int64_t asked);
+
 /* A ceiling of memory: a size of 1M or more. */
 bool cmd_parse_memory(const char *text, size_t *bytes);
 

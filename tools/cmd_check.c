@@ -284,7 +284,7 @@ int cmd_check(int argc, char **argv)
 	wh_check r = {0};
 	bool is_double = false;
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	if (check_file(&e, &o, &r, &is_double) != WH_OK)
 		return cmd_report_failure(&e);
 	if (!o.json)

@@ -36,7 +36,8 @@ static void print_help(void)
 	    "Measures how far A and B are from each other: from points of A to the nearest point\n"
 	    "of B, and the other way round. Mean, RMS and percentiles are over points spread\n"
 	    "evenly over the area, the maximum also over all vertices. \"Both\" takes the points\n"
-	    "of both sides as one set; \"larger RMS\" is the larger of the two sides'. Normals:\n"
+	    "of both sides as one set. The first line is the figure to quote: the larger RMS of\n"
+	    "the two sides, also as a share of the diagonal of A's bounding box. Normals:\n"
 	    "the angle between a point's face and the nearest face of the other mesh. Colours,\n"
 	    "where both meshes have them: how far red, green and blue of a point and of the\n"
 	    "nearest one are apart (root mean square of the three, 0 to 255).\n\n"
@@ -209,9 +210,20 @@ static void print_colours(const wh_compare *r)
 	print_row("  RMS", rms, "%14.4f");
 }
 
+/* The figure to quote. */
+static void print_rms(const wh_compare *r)
+{
+	(void)printf("%-26s%14.6g", "two-sided RMS distance", r->rms);
+	if (r->diagonal > 0)
+		(void)printf(" = %.2f millionths of the diagonal",
+		             compare_millionths(r->rms, r->diagonal));
+	(void)printf("\n");
+}
+
 static void print_table(const wh_compare *r)
 {
 	const double percent = compare_millionths(1, r->diagonal) / 1e4;
+	print_rms(r);
 	(void)printf("%-26s%14s%14s%14s\n", "", "A to B", "B to A", "both");
 	print_block(r, "distance", 1, "%14.6g");
 	if (r->diagonal > 0) {
@@ -225,11 +237,6 @@ static void print_table(const wh_compare *r)
 	(void)printf("%-26s%14" PRIu64 "%14" PRIu64 "%14" PRIu64 "\n", "vertices",
 	             r->a_to_b.vertices, r->b_to_a.vertices, r->both.vertices);
 	(void)printf("%-26s%14.9g\n", "diagonal of A", r->diagonal);
-	(void)printf("%-26s%14.6g", "larger RMS", r->rms);
-	if (r->diagonal > 0)
-		(void)printf(" = %.2f millionths of the diagonal",
-		             compare_millionths(r->rms, r->diagonal));
-	(void)printf("\n");
 }
 
 static json_t *json_seams(const options *o, const results *r)
@@ -269,7 +276,7 @@ int cmd_compare(int argc, char **argv)
 	cmd_env e;
 	results r = {0};
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	if (compare_files(&e, &o, &r) != WH_OK)
 		return cmd_report_failure(&e);
 	if (o.json)

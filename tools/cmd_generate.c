@@ -231,10 +231,10 @@ static wh_code generate(cmd_env *e, const options *o)
 	wh_outfile *out = NULL;
 	const double start = wh_seconds();
 	uint64_t bytes = 0;
-	wh_code code = wh_synth_open(c, &s, &o->synth);
-	if (code != WH_OK)
-		return code;
-	code = wh_outfile_open(c, &out, o->output, o->force);
+	if (wh_format_only(c, o->output, "ply") != WH_OK ||
+	    wh_synth_open(c, &s, &o->synth) != WH_OK)
+		return c->err.code;
+	wh_code code = wh_outfile_open(c, &out, o->output, o->force);
 	if (code != WH_OK)
 		goto close_synth;
 	code = wh_synth_write(c, &e->exec, s, out);
@@ -263,6 +263,6 @@ int cmd_generate(int argc, char **argv)
 		return WH_OK;
 	}
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	return generate(&e, &o) == WH_OK ? WH_OK : cmd_report_failure(&e);
 }

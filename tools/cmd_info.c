@@ -514,6 +514,6 @@ int cmd_info(int argc, char **argv)
 		return WH_OK;
 	}
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	return info(&e, &o) == WH_OK ? WH_OK : cmd_report_failure(&e);
 }

@@ -9,6 +9,7 @@
 #include "whittle.h"
 
 #include "io/outfile.h"
+#include "io/spill.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -25,7 +26,8 @@ static const char help[] =
     "texture coordinates and materials from PLY or OBJ to PLY or OBJ; whatever is not\n"
     "is named.\n\n"
     "  -o, --output FILE     where to; - is standard output. PLY, or as the name ends:\n"
-    "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst\n"
+    "                        .obj, .off, .stl, .glb; compressed if it ends in .gz, .zst;\n"
+    "                        any other ending is refused\n"
     "      --to F            ply, obj, off, stl, glb, ply.gz, ... whatever OUT's name is\n"
     "      --from F          IN is ply, obj, off or stl, whatever it looks like\n"
     "      --reader R        of PLY: whittle (default), or rply where it was built with\n"
@@ -171,10 +173,52 @@ static void print_hygiene(FILE *f, const wh_reduce_params *p, const wh_reduce_re
 	}
 }
 
-static void print_notes(FILE *f, const reduce_options *o, const wh_reduce_report *r)
+/* Are both files in one folder? */
+static bool lie_together(const char *a, const char *b)
 {
+	const char *const path[] = {a, b};
+	struct stat st[2];
+	char folder[PATH_MAX];
+	for (int i = 0; i < 2; i++) {
+		const char *slash = strrchr(path[i], '/');
+		const size_t n = slash ? (size_t)(slash + 1 - path[i]) : 0;
+		if (n + 2 > sizeof folder)
+			return false;
+		(void)snprintf(folder, sizeof folder, "%.*s.", (int)n, path[i]);
+		if (stat(folder, &st[i]) != 0)
+			return false;
+	}
+	return st[0].st_dev == st[1].st_dev && st[0].st_ino == st[1].st_ino;
+}
+
+/* Says what has to lie beside the result. */
+static void print_references(FILE *f, const wh_reduce_params *p, const wh_reduce_report *r)
+{
+	if (r->refers[0])
+		(void)fprintf(f, "refers to %s%s\n", r->refers,
+		              lie_together(p->input, p->output)
+		                  ? ""
+		                  : ": put them beside it, as they are beside the input");
+}
+
+/* Says so when the limits leave all as it was. */
+static void print_nothing_to_do(FILE *f, const wh_reduce_report *r)
+{
+	const bool vertices = r->target_faces == 0;
+	const uint64_t target = vertices ? r->target_vertices : r->target_faces,
+	               there = vertices ? r->input_vertices : r->input_faces;
 	if (r->unchanged)
 		(void)fprintf(f, "the target is no smaller than the input: copied unchanged\n");
+	else if (target >= there && there > 0)
+		(void)fprintf(f, "nothing to reduce: the target is %llu %s, the input has %llu\n",
+		              (unsigned long long)target,
+		              vertices ? vertices_word(target) : faces_word(target),
+		              (unsigned long long)there);
+}
+
+static void print_notes(FILE *f, const reduce_options *o, const wh_reduce_report *r)
+{
+	print_nothing_to_do(f, r);
 	if (r->one_less)
 		(void)fprintf(
 		    f, "%llu faces instead of %llu: a closed surface has an even number\n",
@@ -183,6 +227,7 @@ static void print_notes(FILE *f, const reduce_options *o, const wh_reduce_report
 		(void)fprintf(f, "carried over: %s\n", r->carried);
 	if (r->dropped[0])
 		(void)fprintf(f, "not carried over: %s\n", r->dropped);
+	print_references(f, &o->params, r);
 	if (r->degenerate_faces)
 		(void)fprintf(f, "dropped %llu degenerate %s\n",
 		              (unsigned long long)r->degenerate_faces,
@@ -391,9 +436,24 @@ static int tell_result(const reduce_options *o, const cmd_env *env, const wh_red
 	return code == WH_OK ? WH_OK : cmd_report_failure(env);
 }
 
+/* A run that has come to its end leaves its output, and nothing to go on with. */
+static int check_ended(const reduce_options *o)
+{
+	const wh_reduce_params *p = &o->params;
+	struct stat st;
+	if (!p->resume || p->force || wh_spill_is_kept(p->run_dir) || stat(p->output, &st) != 0 ||
+	    !S_ISREG(st.st_mode))
+		return WH_OK;
+	return cmd_usage_error("reduce",
+	                       "nothing to resume in '%s': that run has ended, and '%s' is its "
+	                       "output; -f makes it again",
+	                       p->run_dir, p->output);
+}
+
 static int check_names(const reduce_options *o)
 {
-	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK)
+	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
+	    check_ended(o) != WH_OK)
 		return WH_E_USAGE;
 	return reduce_measure_check(o);
 }

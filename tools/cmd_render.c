@@ -67,7 +67,7 @@ int cmd_render(int argc, char **argv)
 	wh_picture_report r;
 	const double start = wh_seconds();
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	progress_bar_init(&bar, !o.quiet && !o.no_progress);
 	o.p.progress = progress_bar_tell;
 	o.p.progress_user = &bar;

@@ -79,7 +79,7 @@ int cmd_report(int argc, char **argv)
 	progress_bar bar;
 	const double start = wh_seconds();
 	cmd_env_init(&e, argv[0]);
-	e.exec.workers = wh_exec_threads((int)o.threads);
+	e.exec.workers = cmd_threads(argv[0], o.threads);
 	progress_bar_init(&bar, !o.quiet && !o.no_progress);
 	page_work w = {.c = &e.ctx,
 	               .ex = &e.exec,

@@ -316,7 +316,7 @@ static const char *expected(int opt)
 	switch (opt) {
 	case 'n':
 	case OPT_VERTICES:
-		return "a count such as 200K or a share such as 10%";
+		return "a count above 0, such as 200K, or a share up to 100%, such as 10%";
 	case OPT_RATIO:
 		return "a share between 0 and 1, such as 0.1 or 10%";
 	case OPT_ERROR:
@@ -386,6 +386,8 @@ int reduce_options_parse(int argc, char **argv, bool plan, reduce_options *o)
 		return WH_OK;
 	if (o->params.threads == 0)
 		o->params.threads = threads_of_environment();
+	else if (!plan && wh_mpi_processes() == 1) /* launchers bind processes to processors */
+		(void)cmd_threads(argv[0], o->params.threads);
 	if (optind + 1 != argc)
 		return cmd_usage_error(argv[0], optind == argc ? "no input file given"
 		                                               : "more than one input file given");

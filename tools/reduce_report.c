@@ -114,6 +114,7 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	put_count(o, "vertices", r->output_vertices);
 	put_count(o, "faces", r->output_faces);
 	put_text(o, "checksum_xxh3_128", r->checksum);
+	put_text(o, "refers_to", r->refers);
 	if (!r->checked)
 		return; /* copied, or not looked at for want of memory */
 	put_count(o, "boundary_edges", r->boundary_edges);

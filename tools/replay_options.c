@@ -176,7 +176,7 @@ static const char *expected(int opt)
 	case OPT_UP:
 		return "an axis: x, y, z, or auto";
 	default:
-		return "a count such as 200K or a share such as 10%";
+		return "a count above 0, such as 200K, or a share up to 100%, such as 10%";
 	}
 }
 

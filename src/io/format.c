@@ -3,6 +3,7 @@
 #include "base/bytes.h"
 #include "io/number.h"
 
+#include <ctype.h>
 #include <string.h>
 #include <strings.h>
 
@@ -42,11 +43,32 @@ wh_packing wh_packing_of_name(const char *path)
 	                                   : WH_PACKING_NONE;
 }
 
-wh_format wh_format_of_name(const char *path)
+/* Where a name ends, ".gz" and ".zst" not counted. */
+static const char *before_packing(const char *path)
 {
 	const wh_packing packing = wh_packing_of_name(path);
-	const char *end = path + strlen(path);
-	end -= packing == WH_PACKING_GZIP ? 3 : packing == WH_PACKING_ZSTD ? 4 : 0;
+	return path + strlen(path) -
+	       (packing == WH_PACKING_GZIP   ? 3
+	        : packing == WH_PACKING_ZSTD ? 4
+	                                     : 0);
+}
+
+/* Is there a point in the last part of the path before `end`, and a letter behind it? Points in
+ * front of names hide them, and numbers belong to names: lod-0.5. */
+static bool has_ending(const char *path, const char *end)
+{
+	bool letter = false;
+	for (const char *at = end; at > path && at[-1] != '/'; at--) {
+		if (at[-1] == '.')
+			return letter && at - 1 > path && at[-2] != '/';
+		letter |= isalpha((unsigned char)at[-1]) != 0;
+	}
+	return false;
+}
+
+wh_format wh_format_of_name(const char *path)
+{
+	const char *end = before_packing(path);
 	for (int i = WH_FORMAT_PLY; i <= WH_FORMAT_GLB; i++)
 		if (ends_in(path, end, names[i]))
 			return (wh_format)i;
@@ -69,14 +91,37 @@ static bool parse_output(const char *text, wh_format *f, wh_packing *packing)
 	return wh_format_parse(name, f);
 }
 
-bool wh_format_of_output(const char *to, const char *path, wh_format *f, wh_packing *packing)
+wh_code wh_format_of_output(wh_ctx *c, const char *to, const char *path, wh_format *f,
+                            wh_packing *packing)
 {
 	if (to)
-		return parse_output(to, f, packing);
+		return parse_output(to, f, packing)
+		           ? WH_OK
+		           : wh_fail(c, WH_E_USAGE,
+		                     "'%s' is no format that can be written: give ply, obj, off, "
+		                     "stl or glb, perhaps with .gz or .zst behind it",
+		                     to);
 	*f = path ? wh_format_of_name(path) : WH_FORMAT_ANY;
 	*packing = path ? wh_packing_of_name(path) : WH_PACKING_NONE;
-	*f = *f == WH_FORMAT_ANY ? WH_FORMAT_PLY : *f;
-	return true;
+	if (*f != WH_FORMAT_ANY)
+		return WH_OK;
+	*f = WH_FORMAT_PLY;
+	return !path || !has_ending(path, before_packing(path))
+	           ? WH_OK
+	           : wh_fail(c, WH_E_USAGE,
+	                     "'%s': nothing is written under that ending, but .ply, .obj, .off, "
+	                     ".stl and .glb, perhaps with .gz or .zst behind it: name it so, or "
+	                     "say --to FORMAT",
+	                     path);
+}
+
+wh_code wh_format_only(wh_ctx *c, const char *path, const char *ending)
+{
+	const char *end = path + strlen(path);
+	return ends_in(path, end, ending) || !has_ending(path, end)
+	           ? WH_OK
+	           : wh_fail(c, WH_E_USAGE, "'%s': only .%s is written there: name it so", path,
+	                     ending);
 }
 
 wh_packing wh_packing_of_bytes(const char *head, size_t n)

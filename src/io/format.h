@@ -6,9 +6,7 @@
 #ifndef WH_IO_FORMAT_H
 #define WH_IO_FORMAT_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "base/status.h"
 
 typedef enum wh_format {
 	WH_FORMAT_ANY, /* not said: to be found out */
@@ -33,9 +31,14 @@ wh_packing wh_packing_of_name(const char *path);
 
 /*
  * How an output is written: as `to` says ("obj", or "ply.gz"), or, where it is NULL, as the name
- * of the file (NULL: nothing) ends, or else as PLY. False: there is no such format.
+ * of the file ends; as PLY where that has no ending (one without a letter is none), or is NULL.
+ * WH_E_USAGE: there is no such format.
  */
-bool wh_format_of_output(const char *to, const char *path, wh_format *f, wh_packing *packing);
+wh_code wh_format_of_output(wh_ctx *c, const char *to, const char *path, wh_format *f,
+                            wh_packing *packing);
+
+/* For outputs of one kind, whose ending ("png") is given: WH_E_USAGE when the name has another. */
+wh_code wh_format_only(wh_ctx *c, const char *path, const char *ending);
 
 /* By the first n bytes of a file of `size` bytes. WH_FORMAT_ANY: they do not tell. */
 wh_format wh_format_of_bytes(const char *head, size_t n, uint64_t size);

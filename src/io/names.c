@@ -1,5 +1,6 @@
 #include "io/names.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include <xxhash.h>
@@ -56,6 +57,17 @@ wh_code wh_names_add(wh_ctx *c, wh_names *l, const char *s, size_t n, uint32_t *
 	*place = *at = l->n;
 	l->item[l->n++] = name;
 	return WH_OK;
+}
+
+void wh_list_name(char *list, size_t size, const char *name)
+{
+	const size_t used = strlen(list), room = size - used;
+	if (used >= 3 && strcmp(list + used - 3, "...") == 0)
+		return;
+	if (strlen(name) + sizeof ", ..." < room)
+		(void)snprintf(list + used, room, "%s%s", used ? ", " : "", name);
+	else
+		(void)snprintf(list + used, room, "%s...", used ? ", " : "");
 }
 
 void wh_names_free(wh_ctx *c, wh_names *l)

@@ -21,6 +21,9 @@ wh_code wh_names_add(wh_ctx *c, wh_names *l, const char *s, size_t n, uint32_t *
 /* The place of a name; UINT32_MAX when it is not there. */
 uint32_t wh_names_find(const wh_names *l, const char *s, size_t n);
 
+/* Appends a name to a list in words, "a, b", of so many bytes; one too long ends in "...". */
+void wh_list_name(char *list, size_t size, const char *name);
+
 void wh_names_free(wh_ctx *c, wh_names *l);
 
 #endif

@@ -193,6 +193,13 @@ wh_code wh_spill_keep(wh_ctx *c, wh_spill *s, const char *base, const char *tag)
 	return WH_OK;
 }
 
+bool wh_spill_is_kept(const char *base)
+{
+	char path[PATH_MAX];
+	const int n = snprintf(path, sizeof path, "%s/%s", base, KEPT);
+	return n > 0 && (size_t)n < sizeof path && access(path, F_OK) == 0;
+}
+
 wh_code wh_spill_tidy(wh_ctx *c, wh_spill *s)
 {
 	atomic_store(&s->held, 0);

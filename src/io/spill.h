@@ -49,6 +49,8 @@ void wh_spill_close(wh_ctx *c, wh_spill *s);
  * no other process uses, of letters and digits. Nothing in the folder is touched.
  */
 wh_code wh_spill_keep(wh_ctx *c, wh_spill *s, const char *base, const char *tag);
+/* Is there a kept folder inside `base`? */
+bool wh_spill_is_kept(const char *base);
 /* Removes what a process that is gone left half done in a kept folder, and counts the rest as
  * held. */
 wh_code wh_spill_tidy(wh_ctx *c, wh_spill *s);

@@ -486,11 +486,11 @@ wh_code wh_picture(wh_ctx *c, const wh_exec *ex, const wh_picture_params *p, wh_
 	if (!p->labels && d.legend < p->height / 2)
 		own.height -= d.legend;
 	*r = (wh_picture_report){0};
-	wh_code code = wh_png_available(c);
-	if (code != WH_OK)
-		return code;
+	if (wh_png_available(c) != WH_OK ||
+	    (!p->take && wh_format_only(c, p->output, "png") != WH_OK))
+		return c->err.code;
 	c->mem->limit = d.memory > OPEN_BYTES ? d.memory - BASE_BYTES / 2 : OPEN_BYTES;
-	code = wh_spill_open(c, &d.spill, p->temp_dir, "/tmp");
+	wh_code code = wh_spill_open(c, &d.spill, p->temp_dir, "/tmp");
 	if (code == WH_OK && !p->take)
 		code = wh_outfile_open(c, &out, p->output, p->force);
 	if (code == WH_OK)

@@ -78,6 +78,27 @@ static wh_code load_of_obj(wh_ctx *c, const wh_input *in, wh_skins *s)
 	return s->of ? WH_OK : c->err.code;
 }
 
+static void list_names(char *list, size_t size, const wh_names *names)
+{
+	for (uint32_t i = 0; i < names->n; i++)
+		wh_list_name(list, size, names->item[i]);
+}
+
+wh_code wh_skins_list_files(wh_ctx *c, const wh_input *in, char *list, size_t size)
+{
+	const wh_names *libraries = in->wedges.libraries, *materials = in->wedges.materials;
+	wh_mtl m;
+	list_names(list, size, &in->ply.textures);
+	if (!libraries || !materials)
+		return WH_OK;
+	list_names(list, size, libraries);
+	if (wh_mtl_read(c, in->ply.path, libraries, materials, &m) != WH_OK)
+		return c->err.code;
+	list_names(list, size, &m.textures);
+	wh_mtl_free(c, &m);
+	return WH_OK;
+}
+
 wh_code wh_skins_load(wh_ctx *c, const wh_input *in, const char *file, wh_skins *s)
 {
 	*s = (wh_skins){.label = -1};

@@ -21,6 +21,10 @@ typedef struct wh_skins {
 wh_code wh_skins_load(wh_ctx *c, const wh_input *in, const char *file, wh_skins *s);
 void wh_skins_free(wh_ctx *c, wh_skins *s);
 
+/* Lists, as wh_list_name, the files that the input names and a mesh beside it would need: of
+ * materials, and pictures. */
+wh_code wh_skins_list_files(wh_ctx *c, const wh_input *in, char *list, size_t size);
+
 /* The texture of a face with such a record (io/wedges.h), and where its corners are there. False:
  * it has none. */
 bool wh_skins_find(const wh_skins *s, const wh_wedges *w, uint8_t *record, wh_skin *skin);

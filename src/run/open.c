@@ -73,21 +73,9 @@ static wh_code rewrite_input(wh_run *r)
 	return WH_OK;
 }
 
-/* Appends a name to a list of so many bytes; a list too long ends in "...". */
-static void note_name(char *list, size_t size, const char *name)
-{
-	const size_t used = strlen(list), room = size - used;
-	if (used >= 3 && strcmp(list + used - 3, "...") == 0)
-		return;
-	if (strlen(name) + sizeof ", ..." < room)
-		(void)snprintf(list + used, room, "%s%s", used ? ", " : "", name);
-	else
-		(void)snprintf(list + used, room, "%s...", used ? ", " : "");
-}
-
 static void note_dropped(wh_reduce_report *t, const char *name)
 {
-	note_name(t->dropped, sizeof t->dropped, name);
+	wh_list_name(t->dropped, sizeof t->dropped, name);
 }
 
 /* The same for a property; those of faces often have the names of some of vertices. */
@@ -110,7 +98,7 @@ static void note_carried(wh_reduce_report *t, const wh_attributes *a, wh_kind ki
 		char name[300];
 		(void)snprintf(name, sizeof name, --left ? "%.250s" : "%.250s (%s)",
 		               a->item[i].name, wh_kind_name(kind));
-		note_name(t->carried, sizeof t->carried, name);
+		wh_list_name(t->carried, sizeof t->carried, name);
 	}
 }
 
@@ -166,15 +154,15 @@ static void note_wedges(wh_run *r)
 	wh_reduce_report *t = r->report;
 	const wh_wedges *w = &r->input.wedges;
 	if (w->list >= 0)
-		note_name(t->carried, sizeof t->carried, "texture coordinates of corners");
+		wh_list_name(t->carried, sizeof t->carried, "texture coordinates of corners");
 	if (w->normals >= 0)
-		note_name(t->carried, sizeof t->carried, "normals of corners");
+		wh_list_name(t->carried, sizeof t->carried, "normals of corners");
 	for (uint32_t i = 0; i < w->face.n; i++) {
 		char name[300];
 		if (!is_written(r, w->face.item[i].name))
 			continue;
 		(void)snprintf(name, sizeof name, "%.250s of faces", w->face.item[i].name);
-		note_name(t->carried, sizeof t->carried, name);
+		wh_list_name(t->carried, sizeof t->carried, name);
 	}
 }
 

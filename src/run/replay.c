@@ -238,11 +238,8 @@ static wh_code write_shape(wh_ctx *c, const wh_progressive *p, const shape *s,
 	wh_format to;
 	wh_packing packing;
 	wh_outfile *o = NULL;
-	if (!wh_format_of_output(out->to, out->path, &to, &packing))
-		return wh_fail(c, WH_E_USAGE,
-		               "'%s' is no format that can be written: give ply, obj, off, stl or "
-		               "glb, perhaps with .gz or .zst behind it",
-		               out->to);
+	if (wh_format_of_output(c, out->to, out->path, &to, &packing) != WH_OK)
+		return c->err.code;
 	if (out->quantize && to != WH_FORMAT_GLB)
 		return wh_fail(c, WH_E_USAGE, "only GLB is written with quantized positions");
 	wh_code code = wh_outfile_open(c, &o, out->path, out->force);

@@ -22,7 +22,7 @@ grep -A2 '^degrees between normals' out | grep -q '^  RMS  *0.0000  *0.0000  *0.
 grep -q '^samples  *10000  *10000  *20000$' out || fail "samples"
 grep -q '^diagonal of A  *5$' out || fail "diagonal"
 expect 0 "$WHITTLE" compare low.ply low.ply --samples 1K
-grep -q '^larger RMS  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
+grep -q '^two-sided RMS distance  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
 expect 0 "$WHITTLE" compare low.ply high.ply --json --samples 1000
 for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000' '"normal_rms": 0.0'; do
 	grep -q "$want" out || fail "no $want in the JSON: $(cat out)"
@@ -97,7 +97,7 @@ grep -q '^measured: RMS ' out && grep -q '^along the seams: RMS ' out || fail "n
 rms=$(sed -n 's/^measured: RMS [^(]*(\([0-9.]*\) mill.*/\1/p' out)
 grep -q '"regions": ' report.json || fail "no regions in the report"
 expect 0 "$WHITTLE" compare b.ply measured.ply
-grep -q "^larger RMS .* = $rms millionths" out || fail "compare says otherwise than $rms"
+grep -q "^two-sided RMS distance .* = $rms millionths" out || fail "compare says otherwise than $rms"
 expect 2 "$WHITTLE" reduce b.ply -o - --faces 30% --measure
 expect 2 "$WHITTLE" reduce b.ply -o b.ply -f --faces 30% --measure
 expect 2 "$WHITTLE" reduce b.ply -o b.glb --faces 30% --measure
@@ -110,7 +110,7 @@ expect 0 "$WHITTLE" reduce b.ply -f -o lod.ply --levels 1M,2K,1K --measure --rep
 for n in 2000 1000; do
 	rms=$(sed -n "s/^lod-$n.ply measured: RMS [^(]*(\([0-9.]*\) mill.*/\1/p" out)
 	"$WHITTLE" compare b.ply "lod-$n.ply" >compared
-	grep -q "^larger RMS .* = $rms millionths" compared || fail "lod-$n: compare says otherwise than $rms"
+	grep -q "^two-sided RMS distance .* = $rms millionths" compared || fail "lod-$n: compare says otherwise than $rms"
 done
 [ "$(grep -c '"regions": ' lod.json)" -eq 2 ] || fail "not two figures in the report"
 

@@ -95,24 +95,11 @@ for how in plain quantized; do
 	expect 0 "$WHITTLE" reduce -q coloured.ply -o $how.glb --faces 1G "${more[@]}"
 	command -v python3 >/dev/null || continue
 	expect 0 python3 - $how.glb text.ply <<'END'
-import json, struct, sys
-b = open(sys.argv[1], "rb").read()
-n = struct.unpack("<I", b[12:16])[0]
-j, body = json.loads(b[20:20 + n]), b[28 + n:]
+import glb, struct, sys
+j, at, ids = glb.load(sys.argv[1])
 small = "extensionsRequired" in j
-kinds = {5120: "b", 5121: "B", 5123: "H", 5125: "I", 5126: "f"}
-def read(k):
-    a = j["accessors"][k]
-    v = j["bufferViews"][a["bufferView"]]
-    f = "<%d%s" % ({"VEC3": 3, "VEC4": 4, "SCALAR": 1}[a["type"]], kinds[a["componentType"]])
-    stride = v.get("byteStride", struct.calcsize(f))
-    assert stride % 4 == 0 or a["type"] == "SCALAR"
-    at = v.get("byteOffset", 0) + a.get("byteOffset", 0)
-    return [struct.unpack_from(f, body, at + i * stride) for i in range(a["count"])]
 def as_float(v): return [struct.unpack("f", struct.pack("f", x))[0] for x in v]
 def light(c): return c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
-prim = j["meshes"][0]["primitives"][0]
-at = {k: read(v) for k, v in prim["attributes"].items()}
 pos = at["POSITION"]
 lines = open(sys.argv[2]).read().split("end_header\n")[1].split("\n")
 node = j["nodes"][0]
@@ -127,7 +114,6 @@ for i, p in enumerate(pos):
 a = j["accessors"][0]
 assert [min(p[k] for p in pos) for k in range(3)] == as_float(a["min"])
 assert [max(p[k] for p in pos) for k in range(3)] == as_float(a["max"])
-ids = [x[0] for x in read(prim["indices"])]
 assert ids == [int(x) for l in lines[len(pos):] if l for x in l.split()[1:]]
 END
 done
@@ -157,6 +143,28 @@ expect 2 "$WHITTLE" check --from glb small.glb
 expect 2 "$WHITTLE" reduce in.ply -o x --to step --faces 10
 expect 2 "$WHITTLE" reduce in.ply -o x --to obj.zip --faces 10
 [ ! -e x ] || fail "wrong usage left an output"
+
+# names whose ending is no format are refused, of pictures and records, too; without one it is PLY
+for name in x.fbx x.ply.zip x.gif.gz 'x%f.mp4' /tmp/tmp.qXyZ; do
+	expect 2 "$WHITTLE" reduce in.ply -o "$name" --faces 10
+	grep -q "'$name'.*\.ply, \.obj.*--to FORMAT" err || fail "$name: $(cat err)"
+done
+expect 2 "$WHITTLE" render in.ply -o x.jpg
+grep -q "'x.jpg': only .png" err || fail "a picture of another kind: $(cat err)"
+expect 2 "$WHITTLE" generate -o x.obj --faces 100
+expect 2 "$WHITTLE" progressive in.ply -o x.ply
+expect 2 "$WHITTLE" reduce in.ply -o ok.ply --faces 10 --seams x.csv
+expect 0 "$WHITTLE" progressive -q in.ply -o in.pmesh
+expect 2 "$WHITTLE" replay in.pmesh -o x.step --faces 1000
+ls x* ok.ply 2>/dev/null && fail "an output of no known kind"
+for name in bare lod-0.5 .hidden dir.d/bare bare.gz; do
+	mkdir -p dir.d
+	expect 0 "$WHITTLE" reduce -q in.ply -o $name --faces 4000
+done
+cmp -s bare small.ply && cmp -s lod-0.5 bare && cmp -s .hidden bare && cmp -s dir.d/bare bare ||
+	fail "a name without an ending is not PLY"
+expect 0 "$WHITTLE" reduce -q in.ply -o odd.fbx --to ply --faces 4000
+cmp -s odd.fbx small.ply || fail "--to does not rule the name"
 
 for p in "${packs[@]}"; do
 	end=$(ending "$p")

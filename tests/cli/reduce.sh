@@ -55,6 +55,16 @@ grep -q '1000 faces instead of 1001' out || fail "the missing face is not explai
 reduce in.ply -f -o c.ply --faces 1G
 cmp -s in.ply c.ply || fail "a target above the count did not copy"
 
+# ---- nothing to do, too many threads ----
+reduce in.ply -o all.obj --faces 1G
+grep -q 'nothing to reduce: the target is 1000000000 faces, the input has 19844' out || fail "not said: $(cat out)"
+more=$(($(nproc --all) + 1))
+reduce in.ply -f -o c.ply --faces 1K --threads $more
+grep -q "warning: $more threads on [0-9]* processor" err || fail "too many threads without a word"
+cmp -s a.ply c.ply || fail "their number changed the bytes"
+SLURM_CPUS_PER_TASK=3 expect 0 "$WHITTLE" reduce in.ply -f -o c.ply --faces 1K --report c.json --no-progress
+grep -q '"threads": 3' c.json && [ ! -s err ] || fail "not the threads of the job: $(grep threads c.json) $(cat err)"
+
 # ---- other methods ----
 for cost in memoryless qem qem-normals melax edge-length; do
 	reduce -q in.ply -f -o c.ply --faces 1K --cost $cost --weight angle --placement endpoint --report c.json -f
@@ -103,6 +113,8 @@ expect 2 "$WHITTLE" reduce in.ply -o a.ply --faces 500
 grep -q -- '-f' err || fail "no word about -f"
 cmp -s a.ply before.ply || fail "written over without -f"
 expect 2 "$WHITTLE" reduce in.ply -o temp --faces 500
+expect 2 "$WHITTLE" reduce in.ply -o a.ply --faces 500 --run-dir run --resume
+grep -q "run has ended, and 'a.ply' is its output" err || fail "an end that is no news: $(cat err)"
 
 # ---- bad input: 3 ----
 refuse 3 'missing.ply' missing.ply -o never.ply --faces 10

@@ -13,7 +13,7 @@ command -v python3 >/dev/null || {
 # chart, corners on borders that the file did not have, faces of a wrong material, edges that are open
 # where equal positions are one
 cat >atlas.py <<'END'
-import json, math, struct, sys
+import glb, math, struct, sys
 SIDES = (((1,0,0),(0,1,0),(0,0,1)), ((-1,0,0),(0,0,1),(0,1,0)), ((0,1,0),(0,0,1),(1,0,0)),
          ((0,-1,0),(1,0,0),(0,0,1)), ((0,0,1),(1,0,0),(0,1,0)), ((0,0,-1),(0,1,0),(1,0,0)))
 f32 = lambda x: struct.unpack("f", struct.pack("f", x))[0]
@@ -139,19 +139,9 @@ def load_off(path):
     return with_vertices([r[:3] for r in rows], [r[3:] for r in rows], tri)
 
 def load_glb(path):
-    data = open(path, "rb").read()
-    n, = struct.unpack_from("<I", data, 12)
-    j, body = json.loads(data[20:20 + n]), data[28 + n:]
-    p = j["meshes"][0]["primitives"][0]
-    def get(i, kind):
-        a = j["accessors"][i]
-        view = j["bufferViews"][a["bufferView"]]
-        size = struct.calcsize("<" + kind)
-        at = view.get("byteOffset", 0) + a.get("byteOffset", 0)
-        return [struct.unpack_from("<" + kind, body, at + i * view.get("byteStride", size)) for i in range(a["count"])]
-    ids = [x for x, in get(p["indices"], "I")]
-    return with_vertices(get(p["attributes"]["POSITION"], "3f"), [(u, 1 - v) for u, v in get(p["attributes"]["TEXCOORD_0"], "2f")],
-        [ids[3 * i:3 * i + 3] for i in range(len(ids) // 3)])
+    _, at, ids = glb.load(path)
+    return with_vertices(at["POSITION"], [(u, 1 - v) for u, v in at["TEXCOORD_0"]],
+        [ids[i:i + 3] for i in range(0, len(ids), 3)])
 
 def with_vertices(places, uv, tri):
     one = {}
@@ -268,6 +258,17 @@ for input in ball.obj ball.ply; do
 	cmp -s streamed.$kind again.$kind || fail "threads changed the bytes of a streamed $kind"
 done
 grep -qx 'mtllib some ball.mtl' one.obj || fail "the library of materials is gone"
+
+# the files that a result needs are named: what they have to be put beside, where it is not there
+printf 'newmtl skin\nmap_Kd the skin.jpg\nnewmtl old bone\nmap_Kd bone.png\n' >'some ball.mtl'
+mkdir away
+expect 0 "$WHITTLE" reduce ball.obj -o near.obj --faces 10% --report near.json
+grep -qx 'refers to some ball.mtl, the skin.jpg, bone.png' out || fail "not named: $(cat out)"
+grep -q '"refers_to": "some ball.mtl, the skin.jpg, bone.png"' near.json || fail "not in the report"
+expect 0 "$WHITTLE" reduce ball.obj -o away/far.ply --faces 10%
+grep -qx 'refers to some ball.mtl, the skin.jpg, bone.png: put them beside it.*' out || fail "not named: $(cat out)"
+expect 0 "$WHITTLE" reduce ball.obj -o away/far.stl --faces 10%
+! grep -q 'refers to' out || fail "STL refers to nothing: $(cat out)"
 
 # names of materials and groups come through PLY, and the materials' textures with them
 expect 0 "$WHITTLE" reduce ball.obj -o named.ply --faces 20%
