@@ -265,13 +265,6 @@ void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside)
 	close_folder(c, s);
 }
 
-wh_code wh_spill_flush(wh_ctx *c, const wh_spill *s)
-{
-	if (fsync(s->dirfd) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS)
-		return wh_fail_errno(c, "cannot flush the folder '%s'", s->dir);
-	return WH_OK;
-}
-
 const char *wh_spill_part(const wh_spill *s, const char *name, char part[WH_SPILL_NAME])
 {
 	(void)snprintf(part, WH_SPILL_NAME, "%.48s%s%s.part", name, s->tag[0] ? "." : "", s->tag);
@@ -381,14 +374,16 @@ void wh_spill_close_scratch(wh_spill *s, int fd)
 	(void)close(fd);
 }
 
-/* What has its name has its bytes. */
-static wh_code flush_file(wh_ctx *c, const wh_spill *s, const char *name)
+/* ---- what lasts --------------------------------------------------------------------------- */
+
+wh_code wh_spill_flush_file(wh_ctx *c, const wh_spill *s, const char *name)
 {
-	const int fd = open_in(c, s, name, O_RDONLY);
-	if (fd < 0)
-		return c->err.code;
-	const int r = fsync(fd), why = errno;
-	(void)close(fd);
+	const int fd = openat(s->dirfd, name, O_RDONLY | O_CLOEXEC);
+	if (fd < 0 && errno == ENOENT)
+		return WH_OK;
+	const int r = fd < 0 ? -1 : fsync(fd), why = errno;
+	if (fd >= 0)
+		(void)close(fd);
 	errno = why;
 	if (r == 0 || why == EINVAL || why == ENOTSUP)
 		return WH_OK;
@@ -397,12 +392,45 @@ static wh_code flush_file(wh_ctx *c, const wh_spill *s, const char *name)
 	return wh_fail_errno(c, "cannot flush the temporary file '%s/%s'", s->dir, name);
 }
 
+/* Takes all that wait, so that others may wait while these are flushed. */
+static wh_code flush_pending(wh_ctx *c, wh_spill *s)
+{
+	char name[WH_SPILL_PENDING][WH_SPILL_NAME];
+	(void)pthread_mutex_lock(&s->growing);
+	const size_t n = s->pendings;
+	memcpy(name, s->pending, n * sizeof *name);
+	s->pendings = 0;
+	(void)pthread_mutex_unlock(&s->growing);
+	for (size_t i = 0; i < n; i++)
+		if (wh_spill_flush_file(c, s, name[i]) != WH_OK)
+			return c->err.code;
+	return WH_OK;
+}
+
+/* False when too many wait. */
+static bool add_pending(wh_spill *s, const char *name)
+{
+	(void)pthread_mutex_lock(&s->growing);
+	const bool fits = s->pendings < WH_SPILL_PENDING;
+	if (fits)
+		(void)snprintf(s->pending[s->pendings++], WH_SPILL_NAME, "%s", name);
+	(void)pthread_mutex_unlock(&s->growing);
+	return fits;
+}
+
+wh_code wh_spill_flush(wh_ctx *c, wh_spill *s)
+{
+	if (flush_pending(c, s) != WH_OK)
+		return c->err.code;
+	if (fsync(s->dirfd) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS)
+		return wh_fail_errno(c, "cannot flush the folder '%s'", s->dir);
+	return WH_OK;
+}
+
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to)
 {
 	if (strcmp(from, to) == 0)
 		return WH_OK;
-	if (s->kept && flush_file(c, s, from) != WH_OK)
-		return c->err.code;
 	struct stat old;
 	const bool replaces = fstatat(s->dirfd, to, &old, AT_SYMLINK_NOFOLLOW) == 0;
 	if (renameat(s->dirfd, from, s->dirfd, to) != 0)
@@ -410,6 +438,9 @@ wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to
 		                     from, to);
 	if (replaces)
 		atomic_fetch_sub(&s->held, (uint64_t)old.st_size);
+	while (s->kept && !add_pending(s, to))
+		if (flush_pending(c, s) != WH_OK)
+			return c->err.code;
 	return WH_OK;
 }
 

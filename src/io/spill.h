@@ -6,9 +6,10 @@
  * also after a failure. Byte counters are thread-safe; a wh_spill must not be copied or moved.
  *
  * A kept folder is the other kind: it has a fixed name, outlives the process, and is found again by
- * the next one. What gets its name in it is flushed first. Two processes may be at work in it by
- * mistake: files that are not whole have names of their own, so that neither writes into those of
- * the other.
+ * the next one. What has its name in it is whole for every process, and survives a machine that
+ * stops from the next wh_spill_flush on: a flush takes the disk's time, and one of many files
+ * hardly more than one of one. Two processes may be at work in it by mistake: files that are not
+ * whole have names of their own, so that neither writes into those of the other.
  */
 #ifndef WH_IO_SPILL_H
 #define WH_IO_SPILL_H
@@ -18,7 +19,11 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-enum { WH_SPILL_TAG = 16 }; /* bytes of a tag with its NUL */
+enum {
+	WH_SPILL_TAG = 16,    /* bytes of a tag with its NUL */
+	WH_SPILL_NAME = 80,   /* bytes of a file's name with its NUL */
+	WH_SPILL_PENDING = 64 /* files that wait for a flush, at most */
+};
 
 typedef struct wh_spill {
 	char *dir;             /* path of the folder; NULL: none was made */
@@ -33,6 +38,8 @@ typedef struct wh_spill {
 	bool made;                  /* the folder around a kept one was made for it */
 	char tag[WH_SPILL_TAG];     /* in the names of files that are not whole */
 	uint64_t planned;           /* bytes that it will come to hold; 0: nobody knows */
+	char pending[WH_SPILL_PENDING][WH_SPILL_NAME]; /* renamed in a kept folder, not flushed */
+	size_t pendings;                               /* under the lock of `growing` */
 } wh_spill;
 
 /*
@@ -63,11 +70,12 @@ void wh_spill_discard(wh_ctx *c, wh_spill *s, const char *last, bool outside);
 void wh_spill_each(const wh_spill *s, bool (*see)(void *to, const char *name), void *to);
 /* Removes all files whose names begin so. */
 void wh_spill_remove_all(wh_spill *s, const char *prefix);
-/* Makes sure that what was renamed in the folder stays renamed. */
-wh_code wh_spill_flush(wh_ctx *c, const wh_spill *s);
+/* Makes sure that what was renamed in the folder stays there, with its bytes. */
+wh_code wh_spill_flush(wh_ctx *c, wh_spill *s);
+/* The same for the bytes of one file, which need not be there any more. */
+wh_code wh_spill_flush_file(wh_ctx *c, const wh_spill *s, const char *name);
 
 /* The name of a file that is not whole yet: "NAME.part", or with the tag "NAME.TAG.part". */
-enum { WH_SPILL_NAME = 80 };
 const char *wh_spill_part(const wh_spill *s, const char *name, char part[WH_SPILL_NAME]);
 
 /* Opens a file of the folder for reading and writing, empty. Returns the descriptor or -1. */
@@ -80,6 +88,7 @@ int wh_spill_read(wh_ctx *c, wh_spill *s, const char *name);
  * done by wh_spill_close_scratch to take its size off the account. Descriptor or -1. */
 int wh_spill_scratch(wh_ctx *c, wh_spill *s);
 void wh_spill_close_scratch(wh_spill *s, int fd);
+/* The file is whole, and gets its name. Thread-safe. */
 wh_code wh_spill_rename(wh_ctx *c, wh_spill *s, const char *from, const char *to);
 /* Removes a file and takes its size off the account; one that does not exist is ignored. */
 void wh_spill_remove(wh_spill *s, const char *name);

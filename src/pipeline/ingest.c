@@ -24,6 +24,7 @@
 #include "io/attributes.h"
 #include "io/wedges.h"
 #include "pipeline/homes.h"
+#include "pipeline/pieces.h"
 #include "pipeline/visits.h"
 
 #include <float.h>
@@ -472,25 +473,22 @@ static uint64_t count_vertices(const wh_visits *v)
 }
 
 /* The cut vertices of a share are those of others, too: they are listed, and not only counted. */
-static wh_code list_ids(wh_ctx *c, ingest *g)
+static wh_code list_ids(wh_ctx *c, const ingest *g)
 {
-	enum { BATCH = 1024 };
-	uint64_t batch[BATCH];
+	uint64_t batch[WH_PIECES_IDS];
 	size_t held = 0;
-	wh_ingest_share *share = g->params->share;
 	const wh_visits *v = &g->visits;
-	for (size_t i = 0; share && i <= v->n; i++) {
-		if (held > 0 && (held == BATCH || i == v->n)) {
-			if (wh_spill_pwrite(c, g->store->spill, share->ids_fd, batch,
-			                    held * sizeof *batch,
-			                    share->ids * sizeof *batch) != WH_OK)
-				return c->err.code;
-			share->ids += held;
-			held = 0;
-		}
-		if (i < v->n &&
-		    (i == 0 || wh_visit_vertex(v->item[i]) != wh_visit_vertex(v->item[i - 1])))
-			batch[held++] = wh_visit_vertex(v->item[i]);
+	for (size_t i = 0; g->params->share && i < v->n; i++) {
+		const uint64_t id = wh_visit_vertex(v->item[i]);
+		if (held == 0 || batch[held - 1] != id)
+			batch[held++] = id;
+		const bool last = i + 1 == v->n ||
+		                  (held == WH_PIECES_IDS && wh_visit_vertex(v->item[i + 1]) != id);
+		if (!last)
+			continue;
+		if (wh_pieces_add_ids(c, g->store->pieces, batch, held) != WH_OK)
+			return c->err.code;
+		held = 0;
 	}
 	return WH_OK;
 }
@@ -569,7 +567,8 @@ size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_
 {
 	const wh_homes_params hp = homes_params(src, params);
 	const size_t always = (size_t)ex->workers * bench_bytes(src, params) +
-	                      wh_kdtree_bytes(params->clusters) + 1024;
+	                      wh_kdtree_bytes(params->clusters) +
+	                      (params->share ? wh_pieces_bytes(params->clusters) : 0) + 1024;
 	const size_t sample = sample_size(src, params->clusters) * sizeof(wh_kdpoint);
 	const size_t out = wh_homes_bytes_after(&hp) + wh_visits_bytes(visits_room(params)) +
 	                   wh_dispatch_bytes(params->clusters, params->buffer);
@@ -661,7 +660,7 @@ static wh_code take_sample(wh_ctx *c, const wh_exec *ex, ingest *g)
 static wh_code read_scan(wh_ctx *c, ingest *g)
 {
 	wh_scan scan;
-	wh_spill *spill = g->params->share->spill;
+	wh_spill *spill = g->store->spill;
 	const size_t samples = sample_size(g->src, g->clusters);
 	const int fd = wh_spill_read(c, spill, WH_SCAN_NAME);
 	wh_code code = fd >= 0 ? wh_spill_pread(c, spill, fd, &scan, sizeof scan, 0) : wh_failed(c);
@@ -744,12 +743,18 @@ static wh_code choose_stretches(wh_ctx *c, const wh_exec *ex, ingest *g)
 	return code;
 }
 
+/* Where that goes which nobody else has to see. */
+static wh_spill *scratch_of(const ingest *g)
+{
+	return g->params->share ? g->params->share->scratch : g->store->spill;
+}
+
 static wh_code find_homes(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
 	wh_homes_params hp = homes_params(g->src, g->params);
 	hp.base = g->span.first;
 	hp.vertices = g->span.end - g->span.first;
-	if (wh_homes_open(c, &g->homes, g->store->spill, &hp) != WH_OK)
+	if (wh_homes_open(c, &g->homes, scratch_of(g), &hp) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(g->progress, "partition", hp.vertices);
 	if (wh_exec_for(c, ex, chunks_in(&g->span), home_job, g) != WH_OK)
@@ -759,7 +764,7 @@ static wh_code find_homes(wh_ctx *c, const wh_exec *ex, ingest *g)
 
 static wh_code distribute(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
-	if (wh_visits_open(c, &g->visits, g->store->spill, g->src->nv, visits_room(g->params)) !=
+	if (wh_visits_open(c, &g->visits, scratch_of(g), g->src->nv, visits_room(g->params)) !=
 	        WH_OK ||
 	    wh_dispatch_begin(c, &g->out, g->store, g->params->buffer) != WH_OK)
 		return c->err.code;

@@ -36,10 +36,8 @@ typedef struct wh_scan {
 
 /* What one of them ingests: the faces, and vertices, of one stretch of the file. */
 typedef struct wh_ingest_share {
-	wh_spill *spill; /* where the scan is */
+	wh_spill *scratch; /* a folder that nobody else has to see */
 	uint32_t part, parts;
-	int ids_fd; /* receives the ids of the vertices that the share's faces cut, ascending */
-	uint64_t ids;
 } wh_ingest_share;
 
 /* Only `clusters` decides what is in the files; the others, how much memory it takes. */
@@ -48,9 +46,9 @@ typedef struct wh_ingest_params {
 	size_t buffer;     /* bytes of write buffer a cluster */
 	uint64_t window;   /* vertices whose cells are in memory at a time; 0: all */
 	size_t visits; /* vertices outside their cells held in memory; 0: the least that works */
-	wh_cut_list *cuts;        /* is filled; NULL: nobody wants to know */
-	_Atomic uint64_t *digest; /* of the bytes read (pipeline/digest.h); NULL: nobody asks */
-	wh_ingest_share *share;   /* NULL: all of it is ingested here */
+	wh_cut_list *cuts;            /* is filled; NULL: nobody wants to know */
+	_Atomic uint64_t *digest;     /* of the bytes read (pipeline/digest.h); NULL: nobody asks */
+	const wh_ingest_share *share; /* NULL: all of it is ingested here */
 } wh_ingest_params;
 
 typedef struct wh_ingest_result {
@@ -83,10 +81,11 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 
 /*
  * The same by several processes: one scans the vertices, then each ingests its share, with
- * params->share set, into a store of its own, where a vertex may come several times; the clusters
- * of all of them together, one share's faces after the other's, hold the mesh as wh_ingest would
- * have cut it (pipeline/pieces.h). A share holds the homes of the vertices that its faces use and
- * of those between them, and lists no cuts.
+ * params->share and store->pieces set, into a file of its own, where a vertex may come several
+ * times; the clusters of all of them together, one share's faces after the other's, hold the mesh
+ * as wh_ingest would have cut it (pipeline/pieces.h). The scan is in the store's folder. A share
+ * holds the homes of the vertices that its faces use and of those between them, and lists no cuts
+ * but the ids of their vertices.
  */
 wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
                        uint32_t clusters, wh_spill *spill);

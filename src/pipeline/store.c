@@ -55,20 +55,28 @@ void wh_store_lay_out(const wh_store *from, wh_store *to)
 
 /* ---- writing ------------------------------------------------------------------------------ */
 
+static wh_code make_file(wh_ctx *c, const wh_store *s, uint32_t cluster)
+{
+	char name[NAME_BYTES];
+	if (s->pieces)
+		return WH_OK;
+	file_name(s, cluster, true, name);
+	const int fd = wh_spill_create(c, s->spill, name);
+	if (fd >= 0)
+		(void)close(fd);
+	return fd >= 0 ? WH_OK : wh_failed(c);
+}
+
 wh_code wh_store_begin(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w,
                        size_t buffer)
 {
-	char name[NAME_BYTES];
-	file_name(s, cluster, true, name);
 	*w = (wh_store_writer){.off = sizeof(header), .cap = buffer};
 	w->buf = wh_alloc(c, buffer, 1);
 	w->hash = wh_alloc(c, 1, sizeof(XXH3_state_t));
-	const int fd = w->buf && w->hash ? wh_spill_create(c, s->spill, name) : -1;
-	if (fd < 0) {
+	if (!w->buf || !w->hash || make_file(c, s, cluster) != WH_OK) {
 		wh_store_drop(c, w);
 		return wh_failed(c);
 	}
-	(void)close(fd);
 	(void)XXH3_64bits_reset(w->hash);
 	return WH_OK;
 }
@@ -94,7 +102,8 @@ static wh_code write_out(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_stor
 	if (n == 0)
 		return WH_OK;
 	(void)XXH3_64bits_update(w->hash, bytes, n);
-	if (write_at(c, s, cluster, bytes, n, w->off) != WH_OK)
+	if ((s->pieces ? wh_pieces_append(c, s->pieces, cluster, bytes, n)
+	               : write_at(c, s, cluster, bytes, n, w->off)) != WH_OK)
 		return c->err.code;
 	w->off += n;
 	return WH_OK;
@@ -129,29 +138,37 @@ wh_code wh_store_append(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store
 	return WH_OK;
 }
 
+/* The header, and the name. */
+static wh_code commit_file(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_store_writer *w,
+                           uint64_t checksum)
+{
+	char part[NAME_BYTES], whole[NAME_BYTES];
+	header h = {.version = VERSION,
+	            .id_bytes = s->id_bytes,
+	            .coord_bytes = s->coord_bytes,
+	            .vertex_payload = s->vertex_payload,
+	            .face_bytes = s->face_bytes,
+	            .local_corners = s->local_corners,
+	            .faces = w->faces,
+	            .vertices = w->vertices,
+	            .checksum = checksum,
+	            .attr_bytes = s->attr_bytes};
+	memcpy(h.magic, MAGIC, sizeof MAGIC);
+	if (write_at(c, s, cluster, &h, sizeof h, 0) != WH_OK)
+		return c->err.code;
+	file_name(s, cluster, true, part);
+	file_name(s, cluster, false, whole);
+	return wh_spill_rename(c, s->spill, part, whole);
+}
+
 wh_code wh_store_commit(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_writer *w)
 {
 	wh_code code = flush(c, s, cluster, w);
-	if (code == WH_OK) {
-		header h = {.version = VERSION,
-		            .id_bytes = s->id_bytes,
-		            .coord_bytes = s->coord_bytes,
-		            .vertex_payload = s->vertex_payload,
-		            .face_bytes = s->face_bytes,
-		            .local_corners = s->local_corners,
-		            .faces = w->faces,
-		            .vertices = w->vertices,
-		            .checksum = XXH3_64bits_digest(w->hash),
-		            .attr_bytes = s->attr_bytes};
-		memcpy(h.magic, MAGIC, sizeof MAGIC);
-		code = write_at(c, s, cluster, &h, sizeof h, 0);
-	}
-	if (code == WH_OK) {
-		char part[NAME_BYTES], whole[NAME_BYTES];
-		file_name(s, cluster, true, part);
-		file_name(s, cluster, false, whole);
-		code = wh_spill_rename(c, s->spill, part, whole);
-	}
+	const uint64_t checksum = XXH3_64bits_digest(w->hash);
+	if (code == WH_OK && s->pieces)
+		wh_pieces_end(s->pieces, cluster, w->faces, w->vertices, checksum);
+	else if (code == WH_OK)
+		code = commit_file(c, s, cluster, w, checksum);
 	wh_store_drop(c, w);
 	return code;
 }
@@ -539,15 +556,6 @@ wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64
 	(void)close(fd);
 	*checksum = code == WH_OK ? h.checksum : 0;
 	return code;
-}
-
-wh_code wh_store_open_body(wh_ctx *c, const wh_store *s, uint32_t cluster, int *fd, uint64_t *body)
-{
-	char name[NAME_BYTES];
-	file_name(s, cluster, false, name);
-	*fd = wh_spill_read(c, s->spill, name);
-	*body = sizeof(header);
-	return *fd >= 0 ? WH_OK : wh_failed(c);
 }
 
 void wh_store_remove(const wh_store *s, uint32_t cluster)

@@ -48,6 +48,7 @@ typedef struct wh_store {
 	uint32_t attr_bytes;     /* of a vertex */
 	uint32_t face_bytes;     /* of a face and its corners */
 	bool local_corners;
+	struct wh_pieces *pieces; /* of a store in pieces: the part's file that is being written */
 	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
 	bool record;              /* that round keeps its collapses, too (pipeline/sequence.h) */
 } wh_store;
@@ -171,9 +172,6 @@ wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store
 
 /* The checksum in the header of a cluster's file. */
 wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *checksum);
-
-/* Opens a cluster's file, which is not in pieces, for reading what follows its header, at *body. */
-wh_code wh_store_open_body(wh_ctx *c, const wh_store *s, uint32_t cluster, int *fd, uint64_t *body);
 
 /* Removes a cluster's file; of a store in pieces all files, with cluster 0. */
 void wh_store_remove(const wh_store *s, uint32_t cluster);

@@ -347,6 +347,8 @@ wh_code wh_manifest_write(wh_ctx *c, wh_spill *spill, const wh_manifest *m)
 	if (code == WH_OK)
 		code = wh_spill_flush(c, spill);
 	if (code == WH_OK)
+		code = wh_spill_flush_file(c, spill, part);
+	if (code == WH_OK)
 		code = wh_spill_rename(c, spill, part, WH_MANIFEST_NAME);
 	return code == WH_OK ? wh_spill_flush(c, spill) : code;
 }

@@ -60,15 +60,31 @@ static void add_phases(wh_phase_report *sum, const wh_phase_report *one)
 	}
 }
 
+static bool is_part(wh_stage stage)
+{
+	return stage == WH_STAGE_INGEST || stage == WH_STAGE_DECIMATE;
+}
+
+/* While a rank works alone, those of its machine sleep: their cores are its own, as far as the
+ * launcher has not bound it to fewer. */
+static int threads_alone(const job *j)
+{
+	const int own = j->params.threads, allowed = wh_exec_threads(0);
+	const int all = own * j->ranks.local;
+	return all < allowed ? all : own < allowed ? allowed : own;
+}
+
 /* A stage that is for this rank. */
 static wh_code do_stage(job *j, wh_stage stage, uint32_t round)
 {
 	wh_reduce_params p = j->params;
+	if (!is_part(stage))
+		p.threads = threads_alone(j);
 	p.stage = stage;
 	p.round = round;
 	p.resume = p.resume || stage != WH_STAGE_PLAN;
 	const wh_code code = wh_reduce(j->c, &p, j->report);
-	if (stage == WH_STAGE_INGEST || stage == WH_STAGE_DECIMATE)
+	if (is_part(stage))
 		add_phases(j->phase, j->report->phase);
 	return code;
 }
@@ -164,6 +180,7 @@ wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_repor
 	add_phases(report->phase, j.phase);
 	report->seconds_total = wh_seconds() - start;
 	report->ranks = j.ranks.size;
+	report->threads = j.params.threads;
 	report->rank = j.ranks.rank;
 	wh_free(c, dir);
 	if (code == WH_OK || code == WH_E_TARGET)

@@ -640,7 +640,7 @@ wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind)
 	if (wh_ledger_open(r->c, l, &r->spill, own, clusters) != WH_OK ||
 	    wh_ledger_take(r->c, l, name) != WH_OK || wh_run_parts(r, l, kind) != WH_OK)
 		return NULL;
-	l->trusts = r->params->stage != WH_STAGE_ALL;
+	l->trusts = r->params->stage != WH_STAGE_ALL && !part;
 	l->parts = part ? (uint32_t)r->book.parts : 0;
 	l->part = r->params->part;
 	l->helps = r->params->any_parts;

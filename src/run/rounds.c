@@ -66,7 +66,7 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
 	wh_run_phase_begin(r);
 	const wh_code code = wh_round_reduce(r->c, &ex, &r->progress, &r->store, next, p, &done);
 	next->ledger = NULL;
-	if (wh_run_end_part(r, wh_run_phase_end(r, WH_PHASE_DECIMATE, code)) != WH_OK)
+	if (wh_run_phase_end(r, WH_PHASE_DECIMATE, wh_run_end_part(r, code)) != WH_OK)
 		return wh_failed(r->c);
 	*step = (wh_step){.kind = WH_STEP_REDUCE,
 	                  .kept = done.faces > least || !isfinite(p->all.max_cost),

@@ -163,36 +163,27 @@ static wh_store common_store(const wh_run *r)
 	return s;
 }
 
-/* The share, in a folder of its own. */
-static wh_code ingest_share(wh_run *r, wh_spill *own)
+/* The share goes into the part's file; `own`: a folder for what nobody else has to see. */
+static wh_code ingest_share(wh_run *r, wh_spill *own, wh_pieces *to)
 {
-	const wh_store to = common_store(r);
-	wh_store from = {.spill = own};
+	wh_store store = *to->store;
 	wh_exec ex = r->exec;
-	wh_ingest_share share = {.spill = &r->spill,
-	                         .part = r->params->part,
-	                         .parts = to.parts,
-	                         .ids_fd = wh_spill_scratch(r->c, own)};
+	const wh_ingest_share share = {
+	    .scratch = own, .part = r->params->part, .parts = store.parts};
 	_Atomic uint64_t digest = 0;
-	wh_ingest_params p = {.clusters = to.clusters, .digest = &digest, .share = &share};
+	wh_ingest_params p = {.clusters = store.clusters, .digest = &digest, .share = &share};
 	share_note note = {0};
+	store.pieces = to;
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
-	wh_code code = r->c->err.code;
-	if (code == WH_OK)
-		code =
-		    wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &from, &note.result);
+	wh_code code =
+	    wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &store, &note.result);
 	if (code == WH_OK)
 		code = wh_input_unchanged(r->c, &r->input);
 	note.digest = atomic_load(&digest);
 	note.irregular = code == WH_E_IRREGULAR;
-	if (code == WH_OK)
-		code = wh_pieces_pack(r->c, &from, &to, share.part, share.ids_fd, share.ids, &note,
-		                      sizeof note);
-	else if (note.irregular)
-		code = wh_pieces_pack(r->c, NULL, &to, share.part, -1, 0, &note, sizeof note);
-	if (share.ids_fd >= 0)
-		wh_spill_close_scratch(own, share.ids_fd);
-	return code;
+	if (code != WH_OK && !note.irregular)
+		return code;
+	return wh_pieces_commit(r->c, to, note.irregular, &note, sizeof note);
 }
 
 static wh_code ingest_part(wh_run *r)
@@ -210,10 +201,15 @@ static wh_code ingest_part(wh_run *r)
 	if (wh_spill_open(r->c, &own, r->params->temp_dir, r->params->run_dir) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
-	const wh_code code = wh_run_phase_end(r, WH_PHASE_INGEST, ingest_share(r, &own));
+	wh_pieces file = {0};
+	wh_code code = wh_pieces_begin(r->c, &file, &to, r->params->part);
+	if (code == WH_OK)
+		code = ingest_share(r, &own, &file);
+	wh_pieces_drop(r->c, &file);
+	code = wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_end_part(r, code));
 	r->report->bytes_read += atomic_load(&own.bytes_read);
 	wh_spill_close(r->c, &own);
-	return code == WH_OK ? pause_run(r) : code;
+	return code;
 }
 
 /* Reads the notes of all parts; those that are not there are told, or *all is false. */
@@ -354,7 +350,9 @@ wh_code wh_run_alone(wh_run *r)
 
 wh_code wh_run_end_part(wh_run *r, wh_code code)
 {
-	return code == WH_OK && wh_run_is_part(r) ? pause_run(r) : code;
+	if (code != WH_OK || !wh_run_is_part(r))
+		return code;
+	return wh_spill_flush(r->c, &r->spill) == WH_OK ? pause_run(r) : r->c->err.code;
 }
 
 wh_code wh_run_end_rounds(wh_run *r)

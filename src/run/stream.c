@@ -67,7 +67,7 @@ static wh_code settle_at(wh_run *r, wh_store *next, const wh_settle_params *p, b
 	wh_run_phase_begin(r);
 	const wh_code code = wh_settle(r->c, &ex, &r->progress, &r->store, next, p, partly, &done);
 	next->ledger = NULL;
-	if (wh_run_end_part(r, wh_run_phase_end(r, WH_PHASE_SETTLE, code)) != WH_OK)
+	if (wh_run_phase_end(r, WH_PHASE_SETTLE, wh_run_end_part(r, code)) != WH_OK)
 		return wh_failed(r->c);
 	*step = (wh_step){.kind = WH_STEP_SETTLE,
 	                  .kept = done.reached || partly,

@@ -159,15 +159,9 @@ cmp plain.ply staged.ply || fail "going on alone changes the bytes"
 expect 1 "$WHITTLE" stage finish --run-dir run
 grep -q 'holds no run in stages' err || fail "a run that is over: $(cat err)"
 
-# ---- a disk that is full, in the hands of a part and in the run directory ----
-if mkdir small && mount -t tmpfs -o size=500k none small 2>/dev/null; then
+# ---- a disk that is full ----
+if mkdir small && mount -t tmpfs -o size=5m none small 2>/dev/null; then
 	mounted=$dir/small
-	plan in.ply 2 --faces 20K
-	expect 1 "$WHITTLE" stage ingest --run-dir run --part 1/2 --temp-dir small
-	grep -q 'no space left in .*small.* [0-9]* more to come.*--temp-dir' err || fail "words: $(cat err)"
-	[ -z "$(ls small)" ] || fail "left on the full disk: $(ls small)"
-	rm -rf run
-	mount -o remount,size=5m small
 	rm -f staged.ply
 	# shellcheck disable=SC2086
 	expect 0 "$WHITTLE" plan in.ply -o staged.ply --run-dir small/run --parts 2 $sizes --faces 20K
