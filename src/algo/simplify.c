@@ -395,6 +395,25 @@ static double distance(const wh_engine *e, const wh_trial *t)
 	return fmax((double)e->p->err[t->u], (double)e->p->err[t->v]) + wh_norm(t->edge);
 }
 
+/* A collapse whose place is this many times as far from the planes of its faces, in the root mean
+ * square, as the surface may still move. Of those within the limit one in ten thousand is so far,
+ * of those beyond it most are: time with an error limit falls to 0.65, and 0 to 0.15 % more faces
+ * stay. */
+static const double FAR_FROM_PLANES = 1.5;
+
+/* True when edge i of the fan need not be worked out: its collapse would move the surface too far.
+ * Its cost over its weight is that mean square, where it is whittle's own and nothing else is in
+ * it. */
+static bool is_far(const wh_engine *e, uint32_t hub, uint32_t i)
+{
+	const wh_fan *f = &e->w->fan;
+	if (!isfinite(e->params->max_err) || e->policy || e->weighted)
+		return false;
+	const double err = fmax((double)e->p->err[hub], (double)e->p->err[f->id[i]]);
+	const double most = FAR_FROM_PLANES * (e->params->max_err - err);
+	return f->cost.at[i] > f->weight.at[i] * most * most;
+}
+
 /* Performs the collapse of an edge of the fan when it is legal and within the limits. */
 static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
                         bool allow_overshoot, verdict *out)
@@ -402,6 +421,8 @@ static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
 	struct wh_simplify_work *w = e->w;
 	wh_trial *t = &w->trial;
 	*out = REJECTED;
+	if (is_far(e, hub, i))
+		return WH_OK;
 	if (!wh_trial_make(e, &w->fan, hub, i, t))
 		return e->surgery ? try_surgery(e, i, bucket, out) : WH_OK;
 	if (!wh_trial_sound(e, t) || (e->wedges && !wh_wedges_plan(e, hub, &w->fan, i, t)))

@@ -4,7 +4,8 @@
  *     simplify.c       the queue loop: from vertices in the queue to collapses
  *     star.c           stars: the vertices and, in order, who is around them
  *     fan.c            a star taken out to work on; place and cost of the collapses of its edges
- *     trial.c          one collapse worked out: link condition, turning faces, distance
+ *     trial.c          one collapse worked out: link condition, turning faces
+ *     stretch.c        how far it moves the surface
  *     surgery.c        collapses that the link condition forbids, with a change of topology
  *     blend.c          the attributes of the vertex that a collapse makes
  *     policy*.c        other costs and places than those of fan.c (policy.h)
@@ -328,11 +329,14 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 /* True when no face turns too much. */
 bool wh_trial_sound(const wh_engine *e, wh_trial *t);
 
-/* Estimate of the distance between the original surface and the one after the collapse. */
-double wh_trial_distance(const wh_engine *e, const wh_trial *t);
-
 /* Makes it so: rings, positions, sums and guesses. What was gathered of the hub before is lost. */
 wh_code wh_trial_commit(wh_engine *e, wh_trial *t);
+
+/* ---- stretch.c ---------------------------------------------------------------------------- */
+
+/* Estimate of the distance between the original surface and the one after the collapse: exact where
+ * it is within the limit, else anything above. */
+double wh_trial_distance(const wh_engine *e, const wh_trial *t);
 
 /* ---- surgery.c ---------------------------------------------------------------------------- */
 

@@ -7,13 +7,10 @@
  * closed by an imaginary vertex, an inner edge must not join two boundary vertices, either. Each
  * face that stays has one old corner and one new; comparing the two tells whether it turns too much
  * and what the sums around it gain.
- *
- * Geometry: how far faces turn and, with an error limit, how far the surface moves.
  */
 #include "algo/simplify_engine.h"
 
 #include "base/real.h"
-#include "geom/tri.h"
 
 #include <math.h>
 #include <string.h>
@@ -331,72 +328,6 @@ bool wh_trial_sound(const wh_engine *e, wh_trial *t)
 	t->old_weight.at[0] = t->old_weight.at[t->n];
 	t->fresh_weight.at[0] = t->fresh_weight.at[t->n];
 	return true;
-}
-
-/* ---- distance ----------------------------------------------------------------------------- */
-
-/* How far one collapse moves the surface: the largest distance, over some points of one surface,
- * from the other. Squared. Looking stops once the limit is passed. */
-typedef struct stretch {
-	double far2, limit2;
-} stretch;
-
-static wh_vec3 neighbour(const wh_trial *t, uint32_t i)
-{
-	return wh_v3(t->at.x.at[i], t->at.y.at[i], t->at.z.at[i]);
-}
-
-/* What face i comes to a point in: the hub or the other end before, the new place after. */
-static wh_vec3 tip(const wh_trial *t, uint32_t i, bool after)
-{
-	return after ? t->to : wh_scale(t->edge, t->theirs.at[i]);
-}
-
-/* Raises the stretch to the distance of a point from the faces as they are now, or (`after`) as
- * they will be. A face that is near enough to change nothing ends the search. */
-static void stretch_to(const wh_engine *e, const wh_trial *t, wh_vec3 point, bool after, stretch *s)
-{
-	double least = INFINITY;
-	if (!(s->far2 <= s->limit2))
-		return;
-	for (uint32_t i = 0; i < t->faces; i++) {
-		least = fmin(least, wh_tri_dist2(point, tip(t, i, after), neighbour(t, i),
-		                                 neighbour(t, i + 1)));
-		if (least <= s->far2)
-			return;
-	}
-	const wh_vec3 hub = e->w->star[t->into_locked ? t->u : t->v].pos;
-	for (uint32_t i = 0; !after && i < t->nshared; i++) {
-		const wh_vec3 apex = wh_sub(e->w->star[t->apex[i]].pos, hub);
-		least = fmin(least, wh_tri_dist2(point, wh_v3(0, 0, 0), t->edge, apex));
-	}
-	s->far2 = fmax(s->far2, least);
-}
-
-/* Probed at the ends, the new place, and the middles of the edges of both stars, before and after.
- * The estimate is the worse of the two ends' estimates plus that. Measured on four scans with
- * limits of 0.02 to 1 % of the diagonal, the real maximum is 0.5 to 1.9 times the limit, mostly
- * 0.8 to 1.2. */
-double wh_trial_distance(const wh_engine *e, const wh_trial *t)
-{
-	const double base = fmax((double)e->p->err[t->u], (double)e->p->err[t->v]);
-	const double left = e->params->max_err - base;
-	stretch s = {.far2 = 0, .limit2 = left > 0 ? left * left : 0};
-	stretch_to(e, t, wh_v3(0, 0, 0), true, &s);
-	if (!t->into_locked) {
-		stretch_to(e, t, t->edge, true, &s);
-		stretch_to(e, t, t->to, false, &s);
-	}
-	for (uint32_t i = 0; i < t->n; i++) {
-		const wh_vec3 q = neighbour(t, i);
-		const uint32_t before = i ? i - 1 : t->n - 1;
-		stretch_to(e, t, wh_scale(wh_add(q, t->to), 0.5), false, &s);
-		if (i < t->faces)
-			stretch_to(e, t, wh_scale(wh_add(q, tip(t, i, false)), 0.5), true, &s);
-		if (before < t->faces && (i == t->faces || t->theirs.at[i] != t->theirs.at[before]))
-			stretch_to(e, t, wh_scale(wh_add(q, tip(t, before, false)), 0.5), true, &s);
-	}
-	return base + sqrt(s.far2);
 }
 
 /* ---- making it so ------------------------------------------------------------------------- */
