@@ -16,7 +16,7 @@ in=$1 method=$4
 echo "$method" >>methods
 set -- "${@:2:2}" "${@:5}"
 for (( ; $# > 0; )); do
-	"$WHITTLE" reduce -q -f "$in" -o "$1" --faces "$2" --cluster-faces 0 --micro-faces 0
+	"$WHITTLE" reduce -q -f "$in" -o "$1" --to ply --faces "$2" --cluster-faces 0 --micro-faces 0
 	shift 2
 done
 END
