@@ -89,20 +89,22 @@ class Browser:
             self.driver.wait()
 
 
-# What the canvas shows: how many colours, how much of it is covered, and a checksum.
+# What the canvas shows: how many colours, how much of it is covered, and how much of it is more green than red,
+# and a checksum.
 LOOK = """
 const from = document.getElementById('canvas'), to = document.createElement('canvas');
 to.width = 160; to.height = 120;
 const g = to.getContext('2d', { willReadFrequently: true });
 g.drawImage(from, 0, 0, 160, 120);
 const p = g.getImageData(0, 0, 160, 120).data, seen = new Set();
-let covered = 0, sum = 0;
+let covered = 0, green = 0, sum = 0;
 for (let i = 0; i < p.length; i += 4) {
     seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
     covered += p[i + 3] > 0;
+    green += p[i + 1] > p[i] + 3;
     sum = (sum * 31 + p[i] + p[i + 3]) % 1000000007;
 }
-return { colours: seen.size, covered: covered / (160 * 120), sum };
+return { colours: seen.size, covered: covered / (160 * 120), green: green / (160 * 120), sum };
 """
 COUNT = "return document.getElementById('count').textContent"
 FOCUS = "document.getElementById('canvas').focus()"
@@ -163,6 +165,8 @@ def check_play(browser, fail):
     first = settled(browser)
     if first["colours"] < 20 or not 0.1 < first["covered"] < 0.95:
         fail(f"the canvas is not drawn: {first}")
+    if browser.run("return !!document.getElementById('colour')") != (first["green"] > 0.02):
+        fail(f"the colours are not those of the vertices: {first}")
     up = [at(share) for share in (0, 250, 500, 750, 1000)]
     down = [at(share) for share in (1000, 750, 500, 250, 0)]
     if up != down[::-1] or len(set(up)) != 5:

@@ -10,6 +10,7 @@
 #include "io/spill.h"
 #include "pipeline/picture.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -32,23 +33,29 @@ static bool are_pictures(const replay_options *o)
 	return !o->out.to && n > 4 && strcmp(o->out.path + n - 4, ".png") == 0;
 }
 
+static wh_code too_long(const frames *f)
+{
+	return wh_fail(f->c, WH_E_USAGE, "the names of the frames are too long");
+}
+
 static wh_code name_frame(const frames *f, uint32_t i, char name[PATH])
 {
 	char word[16];
 	(void)snprintf(word, sizeof word, "%04u", (unsigned)i);
-	return cmd_name_with(name, PATH, f->o->out.path, word)
-	           ? WH_OK
-	           : wh_fail(f->c, WH_E_USAGE, "the names of the frames are too long");
+	return cmd_name_with(name, PATH, f->o->out.path, word) ? WH_OK : too_long(f);
 }
 
-/* A frame that is in the way is to be told before the work. */
+/* A frame that is in the way, or cannot have its name, is to be told before the work. */
 static wh_code look_for_frames(const frames *f)
 {
 	char name[PATH];
 	for (uint32_t i = 0; i < f->o->frames; i++) {
 		if (name_frame(f, i, name) != WH_OK)
 			return f->c->err.code;
-		if (!f->o->out.force && access(name, F_OK) == 0)
+		const bool there = access(name, F_OK) == 0;
+		if (!there && errno == ENAMETOOLONG)
+			return too_long(f);
+		if (!f->o->out.force && there)
 			return wh_fail(f->c, WH_E_USAGE,
 			               "'%s' exists already; use -f to replace it", name);
 	}

@@ -73,6 +73,24 @@ static uint32_t get_turns(const play_page *g, size_t i)
 	return g->p->moved[i];
 }
 
+/* Red, green or blue, from 0 to 255, of one of a row of records. */
+static uint32_t colour(const play_page *g, const uint8_t *records, size_t i)
+{
+	const wh_attributes *a = &g->p->file.attributes;
+	const wh_attribute *item = &a->item[a->rgb[i % 3]];
+	return (uint32_t)lrint(255 * wh_attribute_share(item, records + i / 3 * a->bytes));
+}
+
+static uint32_t get_colour(const play_page *g, size_t i)
+{
+	return colour(g, g->p->attr, i);
+}
+
+static uint32_t get_other_colour(const play_page *g, size_t i)
+{
+	return colour(g, g->p->other_attr, i);
+}
+
 enum { CHUNK = 3 * 1024 }; /* numbers: base64 of three bytes ends on a letter */
 
 /* n numbers of 4 bytes or 1. */
@@ -152,6 +170,10 @@ static void write_data(const play_page *g, const page_out *o)
 	put_column(g, o, "made", p->level, get_made, true);
 	put_column(g, o, "turned", p->level, get_turned, true);
 	put_column(g, o, "turns", p->first[p->level], get_turns, false);
+	if (p->file.attributes.has_rgb) {
+		put_column(g, o, "colour", 3 * (size_t)p->nv, get_colour, true);
+		put_column(g, o, "other-colour", 3 * (size_t)p->level, get_other_colour, true);
+	}
 	page_scripts(o, page_view, page_play);
 }
 

@@ -23,6 +23,11 @@ status=$?
 expect 0 "$WHITTLE" progressive a.ply -o a.pmesh -q
 if "$WHITTLE" replay a.pmesh --page play.html -q 2>err; then
 	python3 "$browser_py" play.html --play || fail "the player in the browser"
+	expect 0 "$WHITTLE" generate -q -o colours.ply --faces 10K --colours
+	expect 0 "$WHITTLE" progressive colours.ply -o colours.pmesh -q
+	expect 0 "$WHITTLE" replay colours.pmesh --page colours.html -q
+	grep -q 'id="other-colour"' colours.html || fail "the page has no colours"
+	python3 "$browser_py" colours.html --play || fail "the coloured player in the browser"
 else
 	grep -q 'built without three.js' err || fail "replay --page"
 fi

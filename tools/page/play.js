@@ -11,12 +11,27 @@ const mesh = {
 	vertex: read('vertex', Uint32Array), other: read('other', Float32Array),
 	made: read('made', Uint8Array), count: read('turned', Uint8Array), turns: read('turns', Uint32Array)
 };
+if (byId('colour')) {
+	mesh.colour = lightOf(read('colour', Uint8Array));
+	mesh.otherColour = lightOf(read('other-colour', Uint8Array));
+}
 const LAST = mesh.vertex.length, BASE = data.base_vertices;
 const first = new Uint32Array(LAST + 1), faces = new Uint32Array(LAST + 1); // of split, at level
 faces[0] = data.base_faces;
 for (let j = 0; j < LAST; j++) {
 	first[j + 1] = first[j] + mesh.count[j];
 	faces[j + 1] = faces[j] + mesh.made[j];
+}
+
+/* Colours as shares of light where three.js wants them so, else as they are. */
+function lightOf(bytes)
+{
+	const linear = Number(THREE.REVISION) >= 152;
+	const share = Float32Array.from({ length: 256 }, (_, i) => {
+		const c = i / 255;
+		return !linear ? c : c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4;
+	});
+	return Float32Array.from(bytes, byte => share[byte]);
 }
 
 /* ---- levels -------------------------------------------------------------------------------- */
@@ -29,14 +44,21 @@ function turnCorners(j, to)
 		mesh.corner[mesh.turns[i]] = to;
 }
 
-function exchange(j)
+function exchangeIn(own, other, j)
 {
 	const v = 3 * mesh.vertex[j];
 	for (let k = 0; k < 3; k++) {
-		const was = mesh.place[v + k];
-		mesh.place[v + k] = mesh.other[3 * j + k];
-		mesh.other[3 * j + k] = was;
+		const was = own[v + k];
+		own[v + k] = other[3 * j + k];
+		other[3 * j + k] = was;
 	}
+}
+
+function exchange(j)
+{
+	exchangeIn(mesh.place, mesh.other, j);
+	if (mesh.colour)
+		exchangeIn(mesh.colour, mesh.otherColour, j);
 }
 
 function goTo(to)
@@ -119,12 +141,14 @@ function makeEnds(coarse, fine)
 	goTo(coarse);
 	normalsAt(mesh.place, faces[level], normal);
 	const place = mesh.place.slice(), coarseNormal = normal.slice();
+	const colour = mesh.colour && mesh.colour.slice();
 	goTo(fine);
 	normalsAt(mesh.place, faces[level], normal);
 	const from = ancestorsAt(coarse), n = 3 * from.length;
 	ends = {
 		coarse, fine, place: [spreadOver(place, from), mesh.place.slice(0, n)],
-		normal: [spreadOver(coarseNormal, from), normal.slice(0, n)]
+		normal: [spreadOver(coarseNormal, from), normal.slice(0, n)],
+		colour: colour && [spreadOver(colour, from), mesh.colour.slice(0, n)]
 	};
 }
 
@@ -144,19 +168,25 @@ function slerp(a, b, i, t, out)
 let share = 1; // 0: the base, 1: the finest level; by the logarithm of faces
 let geometry = null;
 
+function between([a, b], t, out)
+{
+	for (let i = 0; i < a.length; i++)
+		out[i] = t >= 1 ? b[i] : a[i] + t * (b[i] - a[i]);
+}
+
 function blend(t)
 {
-	const place = geometry.attributes.position.array, normal = geometry.attributes.normal.array;
-	const [a, b] = ends.place, [m, n] = ends.normal;
-	for (let i = 0; i < a.length; i++)
-		place[i] = t >= 1 ? b[i] : a[i] + t * (b[i] - a[i]);
-	for (let i = 0; i < a.length; i += 3)
+	const normal = geometry.attributes.normal.array, [m, n] = ends.normal;
+	between(ends.place, t, geometry.attributes.position.array);
+	if (ends.colour)
+		between(ends.colour, t, geometry.attributes.color.array);
+	for (let i = 0; i < m.length; i += 3)
 		slerp(m, n, i, t, normal);
 }
 
 function refresh(text)
 {
-	for (const part of [geometry.attributes.position, geometry.attributes.normal, geometry.index])
+	for (const part of [...Object.values(geometry.attributes), geometry.index])
 		part.needsUpdate = true;
 	geometry.setDrawRange(0, 3 * faces[level]);
 	byId('count').textContent = text;
@@ -179,6 +209,8 @@ function showLevel(to)
 	goTo(Math.max(0, Math.min(LAST, to)));
 	ends = null;
 	geometry.attributes.position.array.set(mesh.place);
+	if (mesh.colour)
+		geometry.attributes.color.array.set(mesh.colour);
 	normalsAt(mesh.place, faces[level], geometry.attributes.normal.array);
 	refresh(`${grouped(faces[level])} triangles, ${grouped(BASE + level)} vertices`);
 }
@@ -275,6 +307,11 @@ function begin()
 	geometry.setIndex(new THREE.BufferAttribute(mesh.corner, 1));
 	geometry.setAttribute('position', new THREE.BufferAttribute(mesh.place.slice(), 3));
 	geometry.setAttribute('normal', new THREE.BufferAttribute(new Float32Array(mesh.place.length), 3));
+	if (mesh.colour) {
+		geometry.setAttribute('color', new THREE.BufferAttribute(mesh.colour.slice(), 3));
+		three.surface.vertexColors = true;
+		three.surface.color.set(0xffffff);
+	}
 	three.solid.geometry = three.wires.geometry = geometry;
 	three.solid.frustumCulled = three.wires.frustumCulled = false;
 	show(1);
