@@ -100,6 +100,8 @@ static wh_code reach(wh_run *r)
 	    !r->stitched && wh_plan_streams(&r->sizes, r->store.clusters, r->faces);
 	if (streams && r->params->progressive)
 		return wh_run_refuse_streamed(r);
+	if (streams && (r->params->smooth || r->params->normals))
+		return wh_run_refuse_polish(r);
 	if (streams)
 		return wh_run_settle(r) == WH_OK ? wh_run_end_rounds(r) : r->c->err.code;
 	if (!r->stitched && (wh_run_end_rounds(r) != WH_OK || wh_run_stitch(r) != WH_OK))
@@ -248,6 +250,8 @@ static wh_code sensible(wh_ctx *c, const wh_reduce_params *p)
 	if (p->threads < 0 || p->cluster_faces > MOST_SIZE || p->micro_faces > MOST_SIZE)
 		return wh_fail(c, WH_E_USAGE,
 		               "threads, cluster or micro-cluster size out of range");
+	if (!(p->round_keep >= 0) || p->round_keep >= 0.9)
+		return wh_fail(c, WH_E_USAGE, "a round keeps a share of the faces below 0.9");
 	return WH_OK;
 }
 

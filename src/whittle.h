@@ -79,6 +79,11 @@ typedef struct wh_reduce_params {
 	                           error of the moment; else the topology stays as it is */
 	bool fast;              /* less time for a little more error */
 	bool lock_boundary;     /* boundary edges stay exactly as they are */
+	/* What is done to each result when it is there; neither for results that are streamed
+	 * (WH_E_PLAN) nor for progressive meshes: */
+	uint32_t smooth; /* times it is smoothed (Taubin 1995), its boundary excepted */
+	bool normals;    /* vertices get normals, the means of their faces': for those that they
+	                    have, or new ones */
 
 	/* Which collapse comes first, and where it puts its vertex. NULL: the usual.
 	 * cost: "memoryless" (the usual, and much the fastest), "qem", "qem-normals", "melax",
@@ -134,6 +139,8 @@ typedef struct wh_reduce_params {
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
 	uint64_t final_faces;   /* with no more than this, the last pass is over all in memory;
 	                           else the result is streamed; 0: two clusters' */
+	double round_keep;      /* share of the faces that a round leaves at least, below 0.9; 0: as
+	                           few as it can */
 
 	/* Told now and then: what is being done and how far it is. May be NULL. */
 	void (*progress)(void *user, const char *phase, uint64_t done, uint64_t total);

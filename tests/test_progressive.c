@@ -95,6 +95,7 @@ static void the_ends_are_input_and_result(void **state)
 		open_record(&r, k & 1 ? WH_SYNTH_TERRAIN : WH_SYNTH_SPHERE, 10000);
 		r.f.params.faces = 800;
 		r.f.params.cluster_faces = k & 2 ? 2000 : 0;
+		r.f.params.round_keep = k & 2 ? 0.5 : 0;
 		reduce_and_record(&r);
 		play(&r);
 		assert_int_equal(r.info.faces, r.f.report.input_faces);
@@ -156,6 +157,28 @@ static void threads_change_no_byte(void **state)
 	r.f.params.threads = 1;
 	reduce_and_record(&r);
 	assert_string_equal(first, r.f.report.checksum);
+	drop(&r.f);
+}
+
+/* What is sorted is held in memory, or is not. */
+static void memory_changes_no_byte(void **state)
+{
+	(void)state;
+	char first[33];
+	record r;
+	open_record(&r, WH_SYNTH_TERRAIN, 60000);
+	r.f.params.faces = 600;
+	r.f.params.cluster_faces = 8000;
+	r.f.params.micro_faces = 0;
+	r.f.params.round_keep = 0.5;
+	reduce_and_record(&r);
+	memcpy(first, r.f.report.checksum, sizeof first);
+	assert_true(r.f.report.rounds > 2);
+	const uint64_t temp = r.f.report.temp_bytes_peak;
+	r.f.params.memory = (size_t)26 << 20;
+	reduce_and_record(&r);
+	assert_string_equal(first, r.f.report.checksum);
+	assert_true(r.f.report.temp_bytes_peak > temp);
 	drop(&r.f);
 }
 
@@ -619,9 +642,11 @@ static void what_cannot_be_recorded_is_refused(void **state)
 	p->ascii = true;
 	refused(&r, WH_E_USAGE, "replayed");
 	p->ascii = false;
-	p->memory = (size_t)28 << 20;
+	p->cluster_faces = 50000;
+	p->memory = (size_t)27 << 20;
 	refused(&r, WH_E_PLAN, "recording the collapses needs more memory");
 	p->memory = (size_t)256 << 20;
+	p->final_faces = 50000;
 	p->faces = 100000;
 	refused(&r, WH_E_USAGE, "--final-faces");
 	drop(&r.f);
@@ -647,6 +672,7 @@ int main(void)
 	    cmocka_unit_test(the_ends_are_input_and_result),
 	    cmocka_unit_test(levels_are_the_same_from_both_sides_and_clean),
 	    cmocka_unit_test(threads_change_no_byte),
+	    cmocka_unit_test(memory_changes_no_byte),
 	    cmocka_unit_test(levels_keep_their_limits),
 	    cmocka_unit_test(properties_and_large_fans_come_back),
 	    cmocka_unit_test(other_formats_are_those_of_reduce),

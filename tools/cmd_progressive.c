@@ -16,22 +16,26 @@ static const char help[] =
     "      --placement, --attributes, --weight-of, --drop-invalid, --weld,\n"
     "      --drop-duplicates, --min-component, --memory, --threads, --temp-dir,\n"
     "      --final-faces, --report, -f, -q, -v: as for reduce\n"
-    "      --cluster-faces N (0: all one), --micro-faces N (0: none)\n"
-    "                        all one gives the best levels; in clusters it is faster and\n"
-    "                        runs on all threads, but levels may be half as far off again.\n"
-    "                        The base is what reduce leaves with the same sizes\n\n"
-    "The mesh and its collapses have to fit the memory ceiling, some 200 bytes a face;\n"
-    "else the run is refused with status 5 before it begins. Changes of topology, and\n"
-    "what faces and their corners carry, cannot be recorded.\n";
+    "      --cluster-faces N (131072; 0: all one), --micro-faces N (0: none)\n"
+    "      --round-keep R    (0.5) share of the faces that a round leaves at least. With\n"
+    "                        less, or with micro-clusters, it takes less time, but levels\n"
+    "                        may be half as far off again. The base is what reduce leaves\n"
+    "                        with the same sizes\n\n"
+    "Meshes of any size go within --memory (40M do), on some 200 bytes of temporary disk\n"
+    "a face. Changes of topology, and what faces and their corners carry, cannot be\n"
+    "recorded; the base has to fit one last pass (--final-faces).\n";
 
 enum { BASE_PER_CENT = 1 };
+static const double ROUND_KEEP = 0.5;
 
 int cmd_progressive(int argc, char **argv)
 {
 	reduce_options o = {.params = wh_reduce_defaults(), .share = BASE_PER_CENT / 100.0};
 	o.params.progressive = true;
-	/* on cuts collapses come late, behind dearer ones beside them: levels would be the worse */
-	o.params.cluster_faces = o.params.micro_faces = 0;
+	/* on cuts collapses come late, behind dearer ones beside them: the shorter the rounds, the
+	 * less there is of that */
+	o.params.micro_faces = 0;
+	o.params.round_keep = ROUND_KEEP;
 	const int status = reduce_options_parse(argc, argv, false, &o);
 	if (status != WH_OK)
 		return status;

@@ -41,6 +41,10 @@ static const char help[] =
     "      --levels-error LIST   the same with limits as of --error\n"
     "      --fast            less time for a little more error\n"
     "      --lock-boundary   keep boundary edges exactly\n"
+    "      --smooth N        smooth the result N times (Taubin: it does not shrink), but for\n"
+    "                        its boundary\n"
+    "      --normals         give the result's vertices normals, the means of its faces'\n"
+    "                        (this and --smooth: results of one last pass only)\n"
     "      --topology WAY    keep (default) components, handles and boundary loops, or\n"
     "                        simplify: the small ones go, to reach the count\n"
     "      --cost C          what goes first: memoryless (default), qem, qem-normals,\n"
@@ -77,7 +81,9 @@ static const char help[] =
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
     "      --cluster-faces N (131072; 0: all one), --micro-faces N (16384; 0: none)\n"
     "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
-    "                        at once; above, it goes cluster by cluster\n";
+    "                        at once; above, it goes cluster by cluster\n"
+    "      --round-keep R    (0: as few as it can) share of the faces that a round leaves at\n"
+    "                        least: 0.5 makes more rounds, and each of even quality\n";
 
 /* True when a further output would lie where the input, a result, or the other one does. */
 static bool is_taken(const reduce_options *o, const char *name, const char *other)

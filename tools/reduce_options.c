@@ -13,6 +13,8 @@ enum {
 	OPT_ERROR,
 	OPT_FAST,
 	OPT_LOCK,
+	OPT_SMOOTH,
+	OPT_NORMALS,
 	OPT_TOPOLOGY,
 	OPT_LEVELS,
 	OPT_LEVELS_ERROR,
@@ -41,6 +43,7 @@ enum {
 	OPT_CLUSTER,
 	OPT_MICRO,
 	OPT_FINAL,
+	OPT_ROUND_KEEP,
 	OPT_NO_PROGRESS,
 	OPT_MEASURE,
 	OPT_SAMPLES,
@@ -55,6 +58,8 @@ static const struct option long_options[] = {
     {"error", required_argument, NULL, OPT_ERROR},
     {"fast", no_argument, NULL, OPT_FAST},
     {"lock-boundary", no_argument, NULL, OPT_LOCK},
+    {"smooth", required_argument, NULL, OPT_SMOOTH},
+    {"normals", no_argument, NULL, OPT_NORMALS},
     {"levels", required_argument, NULL, OPT_LEVELS},
     {"levels-error", required_argument, NULL, OPT_LEVELS_ERROR},
     {"topology", required_argument, NULL, OPT_TOPOLOGY},
@@ -83,6 +88,7 @@ static const struct option long_options[] = {
     {"cluster-faces", required_argument, NULL, OPT_CLUSTER},
     {"micro-faces", required_argument, NULL, OPT_MICRO},
     {"final-faces", required_argument, NULL, OPT_FINAL},
+    {"round-keep", required_argument, NULL, OPT_ROUND_KEEP},
     {"force", no_argument, NULL, 'f'},
     {"quiet", no_argument, NULL, 'q'},
     {"verbose", no_argument, NULL, 'v'},
@@ -153,6 +159,8 @@ static bool *switch_of(reduce_options *o, int opt)
 		return &p->fast;
 	case OPT_LOCK:
 		return &p->lock_boundary;
+	case OPT_NORMALS:
+		return &p->normals;
 	case OPT_DROP_INVALID:
 		return &p->drop_invalid;
 	case OPT_DROP_DUPLICATES:
@@ -281,6 +289,14 @@ static bool take_value(reduce_options *o, int opt, const char *arg)
 		break;
 	case OPT_FINAL:
 		ok = parse_size(arg, false, &p->final_faces) && p->final_faces > 0;
+		break;
+	case OPT_SMOOTH:
+		ok = parse_size(arg, false, &n) && n <= 1000;
+		p->smooth = (uint32_t)n;
+		break;
+	case OPT_ROUND_KEEP:
+		ok = cmd_parse_real(arg, &p->round_keep) && p->round_keep >= 0 &&
+		     p->round_keep < 0.9;
 		break;
 	default:
 		ok = false;

@@ -88,6 +88,9 @@ static void put_parameters(json_t *root, const wh_reduce_params *p, const wh_red
 	put_count(o, "cluster_faces", p->cluster_faces);
 	put_count(o, "micro_faces", p->micro_faces);
 	put_count(o, "final_faces", p->final_faces);
+	put_real(o, "round_keep", p->round_keep);
+	put_count(o, "smooth", p->smooth);
+	put_flag(o, "normals", p->normals);
 }
 
 static void put_input(json_t *root, const wh_reduce_params *p, const wh_reduce_report *r)

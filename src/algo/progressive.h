@@ -4,10 +4,9 @@
  * H. Hoppe, "Progressive meshes", SIGGRAPH 1996. A run's collapses, undone one after the other,
  * lead from its result, the base, back to the mesh it began with. They are put in another order
  * than they were made in, so that each level on the way is of even quality everywhere, and written
- * as a file of vertex splits (io/pmesh.h), which can be played both ways.
+ * as a file of vertex splits (io/pmesh.h; pipeline/splits), which can be played both ways.
  *
- *     progressive_order.c   the order, and what each collapse did to the faces
- *     progressive_write.c   the splits, coarse to fine, into a file
+ *     progressive_trace.c   what each collapse does to the faces, and when it may be undone
  *     progressive_play.c    from such a file to any level
  *     progressive_morph.c   from one level to another without a jump
  */
@@ -20,63 +19,53 @@
 
 _Static_assert((int)WH_CORNERS_FAN >= (int)WH_PMESH_MOVED, "a fan has its path found");
 
-/* ---- writing ------------------------------------------------------------------------------ */
+/* ---- recording ---------------------------------------------------------------------------- */
 
-/* A collapse of the run. */
-typedef struct wh_progressive_step {
-	uint32_t u, v; /* of the finest mesh: u went, v stayed */
-	wh_vec3 at;    /* where v was then; once it is ordered, where it was before */
-	float cost;    /* once it is ordered, the highest of what had to come before it, too */
-	float err;     /* accumulated distance of v */
-	uint32_t gone[2];
-	uint32_t ngone; /* faces that vanished, */
-	uint32_t first; /* and corners that became v's: up to where the next step's are */
-} wh_progressive_step;
+/* What a face carries from one round to the next, while a run is recorded. */
+typedef struct wh_trace_face {
+	uint32_t id; /* for good */
+	float key;   /* highest of the collapses that changed it */
+} wh_trace_face;
 
-/* A finest mesh, the collapses that reduced it in the order in which they were made, and the
- * result. Arrays are the caller's; those of the mesh and the steps are used up. Attributes come in
- * records of attr_bytes for each. */
-typedef struct wh_progressive_run {
+/* A patch as it was before the first of its collapses, which are done to it one by one. */
+typedef struct wh_trace {
 	uint32_t nv, nf;
-	wh_vec3 *pos; /* in file coordinates, as are those of the steps */
+	uint64_t *gid; /* of each vertex */
+	wh_vec3 *pos;
 	uint8_t *attr;
-	uint32_t *tri;
-	wh_progressive_step *step; /* with room for one more */
-	uint8_t *step_attr;        /* those of v after the collapse */
-	uint32_t steps;
 	uint32_t attr_bytes;
-	const wh_attributes *attributes; /* NULL: none */
-	const wh_patch *base;            /* the result; its global ids are vertices of the mesh */
-	uint32_t coord_bytes;
-	uint64_t input_bytes;
-	double diagonal;
-} wh_progressive_run;
+	wh_corners at;                  /* lists may hold corners of faces that are gone */
+	wh_trace_face *face;            /* of each face */
+	uint8_t *gone;                  /* of each face: it has vanished */
+	uint32_t moved[WH_PMESH_MOVED]; /* corners that the last collapse moved */
+	uint32_t n;                     /* how many */
+	size_t cap_v, cap_f, cap_attr;
+} wh_trace;
 
-/* Bytes that writing takes at most, the arrays above included but for the base. */
-size_t wh_progressive_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes);
+/* What a collapse did: what undoes it (io/pmesh.h). */
+typedef struct wh_trace_step {
+	float key; /* what it cost, or one that has to come before it */
+	uint32_t way, faces;
+	uint32_t id[2], apex[2]; /* of the faces that vanished, in the order in which the split
+	                            makes them; the third vertices' global ids */
+	bool uv[2];              /* they are u v a, not v u a */
+} wh_trace_step;
 
-/* Writes the file to an output, which the caller opens and commits. */
-wh_code wh_progressive_write(wh_ctx *c, wh_outfile *o, const wh_progressive_run *run);
+/* Bytes of a trace of patches of these counts. */
+size_t wh_trace_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes);
 
-/* ---- between the two files that write ----------------------------------------------------- */
-
-/* The steps, worked out. */
-typedef struct wh_progressive_order {
-	wh_corners at;   /* the mesh, reduced; faces that vanished as they were then */
-	uint32_t *moved; /* corners, step by step */
-	size_t cap_moved;
-	uint64_t *rank; /* steps by their cost: the lower halves are their numbers */
-	uint8_t *dead;  /* a bit for each face */
-} wh_progressive_order;
-
-/* Does the steps to the mesh of `run`, and finds their order. Free it, after a failure too. */
-wh_code wh_progressive_sort(wh_ctx *c, const wh_progressive_run *run, wh_progressive_order *o);
-void wh_progressive_order_free(wh_ctx *c, wh_progressive_order *o);
-
-static inline bool wh_progressive_is_dead(const wh_progressive_order *o, uint32_t f)
-{
-	return o->dead[f >> 3] >> (f & 7) & 1;
-}
+/*
+ * Takes p down. Its faces carry what an earlier trace left them, or nothing yet: then their ids
+ * count up from `first`. Until the end p has places for global ids, and faces carry nothing. A
+ * trace may be begun again; free it, after a failure too.
+ */
+wh_code wh_trace_begin(wh_ctx *c, wh_trace *t, wh_patch *p, uint32_t first);
+/* The collapse of u into v, which are places at the beginning; v is at x then. */
+wh_code wh_trace_collapse(wh_ctx *c, wh_trace *t, uint32_t u, uint32_t v, wh_vec3 x, float cost,
+                          wh_trace_step *step);
+/* The collapses made p of what was taken down: global ids, and what faces carry. */
+wh_code wh_trace_end(wh_ctx *c, const wh_trace *t, wh_patch *p);
+void wh_trace_free(wh_ctx *c, wh_trace *t);
 
 /* ---- playing ------------------------------------------------------------------------------ */
 

@@ -115,7 +115,7 @@ static wh_code renumber(wh_ctx *c, wh_patch *p, uint32_t *map, uint32_t *tri, ui
 			return c->err.code;
 		for (int k = 0; k < 3; k++)
 			t[k] = map[t[k]];
-		if (!p->face_bytes) /* its records would have to turn, too */
+		if (!p->face_bytes || p->turnable) /* else records would have to turn, too */
 			least_first(t);
 	}
 	order_faces(p, map, tri, face);

@@ -25,8 +25,8 @@ typedef struct wh_order_work {
 	size_t at_cap, map_cap, room_cap, tri_cap, face_cap;
 } wh_order_work;
 
-/* Reorders p in place; faces that carry nothing are turned so that their least vertex comes first.
- */
+/* Reorders p in place; faces that carry nothing, or what need not turn with them, are turned so
+ * that their least vertex comes first. */
 wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w);
 void wh_order_work_free(wh_ctx *c, wh_order_work *w);
 

@@ -35,6 +35,7 @@ typedef struct wh_patch {
 	uint8_t *face;         /* nf records of face_bytes each: what a face and its corners carry
 	                          (io/wedges.h) */
 	uint32_t face_bytes;   /* 0: nothing; to be set before room is made */
+	bool turnable;         /* that is the same whichever corner comes first */
 	size_t cap_face;       /* bytes */
 } wh_patch;
 

@@ -66,7 +66,8 @@ double wh_plan_keep(const wh_plan_sizes *s, uint64_t faces, double share)
 {
 	const uint32_t clusters = wh_plan_clusters(s, faces);
 	const double border = clusters > 1 ? keep_of_piece((double)faces / clusters) : 0;
-	return fmax(ROUND_MARGIN * share, fmax(border, ROUND_KEEP_LEAST));
+	const double least = fmax(s->round_keep, ROUND_KEEP_LEAST);
+	return fmax(ROUND_MARGIN * share, fmax(border, least));
 }
 
 double wh_plan_keep_near(double share)

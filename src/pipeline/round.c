@@ -116,6 +116,26 @@ double wh_survey_cost(const wh_survey *survey, double keep)
 	return wh_log_cost(last);
 }
 
+/* ---- counts ------------------------------------------------------------------------------- */
+
+/* Faces and vertices of every cluster: so many numbers each, in one block. */
+static uint64_t *all_counts(wh_ctx *c, const wh_store *store)
+{
+	const uint32_t n = store->clusters;
+	uint64_t *count = wh_alloc(c, n, 2 * sizeof *count);
+	if (!count)
+		return NULL;
+	wh_code code = WH_OK;
+	if (store->parts) /* where asking for one cluster after the other takes long */
+		code = wh_pieces_all_counts(c, store, count, count + n);
+	for (uint32_t k = 0; code == WH_OK && !store->parts && k < n; k++)
+		code = wh_store_counts(c, store, k, &count[k], &count[n + k]);
+	if (code == WH_OK)
+		return count;
+	wh_free(c, count);
+	return NULL;
+}
+
 /* ---- decimation --------------------------------------------------------------------------- */
 
 typedef struct reduce_run {
@@ -123,6 +143,7 @@ typedef struct reduce_run {
 	wh_progress *progress;
 	wh_hand *hands;
 	wh_sequence_writer *writer; /* one for each worker; NULL: collapses are not kept */
+	uint64_t *first;            /* face of each cluster, where they are numbered now */
 	const wh_cluster_params *params;
 	const uint64_t *order; /* of the clusters */
 	wh_round_result *part; /* one for each cluster */
@@ -157,9 +178,11 @@ static wh_code reduce_patch(wh_ctx *c, const reduce_run *r, wh_hand *h, uint32_t
 	const wh_collapse_sink sink = {wh_sequence_put, w};
 	wh_cluster_params p = *r->params;
 	p.all.sink = &sink;
-	if (wh_sequence_begin(c, w, r->to->spill, r->to->generation, k, &h->patch) != WH_OK)
-		return c->err.code;
-	return wh_sequence_end(c, w, wh_cluster_reduce(c, h->work, &h->patch, &p, done));
+	wh_code code = wh_sequence_begin(c, w, r->to->sequence, r->to->generation, k, &h->patch,
+	                                 (uint32_t)r->first[k]);
+	if (code == WH_OK)
+		code = wh_cluster_reduce(c, h->work, &h->patch, &p, done);
+	return wh_sequence_end(c, w, &h->patch, code);
 }
 
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -202,6 +225,24 @@ void wh_round_result_add(wh_round_result *sum, const wh_round_result *one)
 	wh_simplify_result_add(&sum->work, &one->work);
 }
 
+/* Faces carry what the traces leave them; a writer for each worker, and the number of the first
+ * face of each cluster. */
+static wh_code begin_record(wh_ctx *c, reduce_run *r, wh_store *to, int workers)
+{
+	to->face_bytes = sizeof(wh_trace_face);
+	r->writer = wh_calloc(c, (size_t)workers, sizeof *r->writer);
+	r->first = all_counts(c, r->from);
+	if (!r->writer || !r->first)
+		return wh_failed(c);
+	uint64_t sum = 0;
+	for (uint32_t k = 0; k < r->from->clusters; k++) {
+		const uint64_t n = r->first[k];
+		r->first[k] = sum;
+		sum += n;
+	}
+	return c->err.code;
+}
+
 wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                         wh_store *to, const wh_cluster_params *params, wh_round_result *result)
 {
@@ -215,9 +256,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	uint64_t *order = wh_round_longest_first(c, from);
 	r.order = order;
-	if (to->record)
-		r.writer = wh_calloc(c, (size_t)ex->workers, sizeof *r.writer);
-	wh_code code = c->err.code;
+	wh_code code = to->sequence ? begin_record(c, &r, to, ex->workers) : c->err.code;
 	if (code == WH_OK)
 		code =
 		    wh_exec_for(c, ex, wh_ledger_turns(to->ledger, from->clusters), reduce_job, &r);
@@ -226,8 +265,9 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 		wh_round_result_add(result, &r.part[k]);
 	wh_free(c, order);
 	for (int i = 0; r.writer && i < ex->workers; i++)
-		wh_free(c, r.writer[i].buf);
+		wh_sequence_writer_free(c, &r.writer[i]);
 	wh_free(c, r.writer);
+	wh_free(c, r.first);
 	wh_free(c, r.part);
 	wh_hands_free(c, r.hands, ex->workers);
 	return code;
@@ -237,24 +277,6 @@ void wh_round_remove(const wh_store *store)
 {
 	for (uint32_t k = 0; k < store->clusters; k++)
 		wh_store_remove(store, k);
-}
-
-/* Faces and vertices of every cluster: so many numbers each, in one block. */
-static uint64_t *all_counts(wh_ctx *c, const wh_store *store)
-{
-	const uint32_t n = store->clusters;
-	uint64_t *count = wh_alloc(c, n, 2 * sizeof *count);
-	if (!count)
-		return NULL;
-	wh_code code = WH_OK;
-	if (store->parts) /* where asking for one cluster after the other takes long */
-		code = wh_pieces_all_counts(c, store, count, count + n);
-	for (uint32_t k = 0; code == WH_OK && !store->parts && k < n; k++)
-		code = wh_store_counts(c, store, k, &count[k], &count[n + k]);
-	if (code == WH_OK)
-		return count;
-	wh_free(c, count);
-	return NULL;
 }
 
 wh_code wh_round_extent(wh_ctx *c, const wh_store *store, uint64_t *max_vertices,

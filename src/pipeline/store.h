@@ -50,7 +50,8 @@ typedef struct wh_store {
 	bool local_corners;
 	struct wh_pieces *pieces; /* of a store in pieces: the part's file that is being written */
 	struct wh_ledger *ledger; /* of the round that fills it (pipeline/ledger.h); NULL: none */
-	bool record;              /* that round keeps its collapses, too (pipeline/sequence.h) */
+	const struct wh_sequence
+	    *sequence; /* where that round keeps its collapses, too; NULL: nowhere */
 } wh_store;
 
 /* Lays out `to` as rounds over `from` leave a store: the same clusters and records, with an error

@@ -47,12 +47,14 @@ static wh_code simplify(wh_run *r, wh_simplify_work *w, const wh_simplify_params
 	const uint32_t generation = r->generations++;
 	wh_sequence_writer writer = {0};
 	const wh_collapse_sink sink = {wh_sequence_put, &writer};
-	wh_code code = wh_sequence_begin(r->c, &writer, &r->spill, generation, 0, &r->patch);
+	wh_code code = wh_sequence_begin(r->c, &writer, &r->sequence, generation, 0, &r->patch, 0);
 	wh_simplify_params kept = *p;
 	kept.sink = &sink;
 	if (code == WH_OK)
-		code = wh_sequence_end(r->c, &writer, wh_simplify(r->c, w, &r->patch, &kept, done));
-	wh_free(r->c, writer.buf);
+		code = wh_simplify(r->c, w, &r->patch, &kept, done);
+	code = wh_sequence_end(r->c, &writer, &r->patch, code);
+	wh_sequence_writer_free(r->c, &writer);
+	r->patch.turnable = true; /* faces have ids */
 	return code == WH_OK ? wh_sequence_keep(r->c, &r->sequence, generation, 1) : code;
 }
 
@@ -109,9 +111,18 @@ wh_code wh_run_order(wh_run *r)
 
 wh_code wh_run_write(wh_run *r, wh_outfile **out)
 {
+	const wh_polish polish = wh_run_polish(r);
+	wh_polished shown = {.patch = r->patch};
+	wh_ply_style style = wh_run_style(r);
+	wh_code code = WH_OK;
 	wh_run_phase_begin(r);
-	wh_code code = wh_finish_write(r->c, &r->progress, *out, wh_run_style(r), &r->patch,
-	                               r->ingest.scale, &r->report->output_vertices);
+	if (wh_polish_is_any(&polish))
+		code = wh_polish_patch(r->c, &r->patch, &polish, &style, &shown);
+	if (code == WH_OK)
+		code = wh_finish_write(r->c, &r->progress, *out, style, &shown.patch,
+		                       r->ingest.scale, &r->report->output_vertices);
+	if (wh_polish_is_any(&polish))
+		wh_polished_free(r->c, &shown);
 	r->report->output_faces = r->patch.nf;
 	if (code == WH_OK)
 		code = wh_run_commit(r, out);

@@ -110,6 +110,9 @@ static const field choice_fields[] = {
     ROW(wh_choices, NUMBER, cluster_faces),
     ROW(wh_choices, NUMBER, micro_faces),
     ROW(wh_choices, NUMBER, final_faces),
+    ROW(wh_choices, REAL, round_keep),
+    ROW(wh_choices, NUMBER, smooth),
+    ROW(wh_choices, FLAG, normals),
     END,
 };
 

@@ -40,8 +40,9 @@
 /* The parameters that decide the bytes of the result. */
 typedef struct wh_choices {
 	uint64_t faces, vertices, cluster_faces, micro_faces, final_faces;
-	double face_ratio, vertex_ratio, error, error_share;
-	bool ascii, quantize, seams, simplify_topology, fast, lock_boundary;
+	double face_ratio, vertex_ratio, error, error_share, round_keep;
+	uint64_t smooth;
+	bool normals, ascii, quantize, seams, simplify_topology, fast, lock_boundary;
 	bool drop_invalid, weld, drop_duplicates;
 	double weld_distance, weld_share;
 	uint64_t min_component;

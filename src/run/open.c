@@ -277,7 +277,14 @@ wh_code wh_run_refuse_early(wh_run *r)
 	make_plans(r);
 	if (all_fit_format(r) != WH_OK)
 		return r->c->err.code;
+	const wh_polish polish = wh_run_polish(r);
+	const wh_ply_style style = wh_run_style(r);
+	if (wh_polish_check(r->c, &polish, &style) != WH_OK)
+		return r->c->err.code;
+	if (r->plan.streams && wh_polish_is_any(&polish))
+		return wh_run_refuse_polish(r);
 	const size_t cleaning = wh_run_clean_bytes(r);
+	wh_run_plan_record(r);
 	if (cleaning && r->plan.least < cleaning + WH_PLAN_BASE)
 		r->plan.least = cleaning + WH_PLAN_BASE;
 	if (cleaning > wh_run_budget(r))
@@ -419,7 +426,7 @@ wh_code wh_run_ingest(wh_run *r)
 	if (r->faces == 0)
 		return nothing_left(r);
 	wh_run_limit_error(r);
-	wh_run_keep_origin(r);
+	wh_run_begin_record(r);
 	return WH_OK;
 }
 

@@ -157,6 +157,9 @@ static wh_choices choices_of(const wh_run *r)
 	                    .cluster_faces = p->cluster_faces,
 	                    .micro_faces = p->micro_faces,
 	                    .final_faces = p->final_faces,
+	                    .round_keep = p->round_keep,
+	                    .smooth = p->smooth,
+	                    .normals = p->normals,
 	                    .face_ratio = p->face_ratio,
 	                    .vertex_ratio = p->vertex_ratio,
 	                    .error = p->error,
@@ -676,7 +679,7 @@ wh_code wh_run_record(wh_run *r, const wh_step *step)
 
 void wh_run_forget(wh_run *r, const wh_store *store)
 {
-	if (!wh_run_is_part(r) && !wh_run_is_origin(r, store))
+	if (!wh_run_is_part(r))
 		wh_round_remove(store);
 }
 

@@ -10,7 +10,10 @@ wh_code wh_run_cluster_workers(wh_run *r, wh_exec *ex)
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(r->c, &r->store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return r->c->err.code;
-	*ex = wh_run_workers(r, wh_round_bytes(&r->store, max_v, max_f, wh_run_state_bytes(r)));
+	const size_t trace =
+	    r->params->progressive ? wh_sequence_bytes(max_v, max_f, r->store.attr_bytes) : 0;
+	*ex = wh_run_workers(r, wh_round_bytes(&r->store, max_v, max_f, wh_run_state_bytes(r)) +
+	                            trace);
 	return WH_OK;
 }
 
@@ -82,7 +85,8 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
  * cost nothing at all, the mesh is left as it was. */
 static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 {
-	wh_store next = {.spill = &r->spill, .record = r->params->progressive};
+	wh_store next = {.spill = &r->spill,
+	                 .sequence = r->params->progressive ? &r->sequence : NULL};
 	wh_step done;
 	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
 	uint64_t last = 0;
@@ -94,14 +98,14 @@ static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
 		if (done.kept)
 			break;
 		wh_run_forget(r, &next);
-		wh_sequence_drop(&r->spill, next.generation, next.record ? next.clusters : 0);
+		wh_sequence_drop(&r->spill, next.generation, next.sequence ? next.clusters : 0);
 		if (lowered == MOST_LOWERINGS || done.faces == last)
 			return WH_OK;
 		last = done.faces;
 		p->all.max_cost /= 8;
 		p->micro_cost /= 8;
 	}
-	if (next.record &&
+	if (next.sequence &&
 	    wh_sequence_keep(r->c, &r->sequence, next.generation, next.clusters) != WH_OK)
 		return r->c->err.code;
 	wh_run_forget(r, &r->store);
@@ -159,7 +163,7 @@ wh_code wh_run_round(wh_run *r, double keep)
 	wh_cluster_params params = {.micro_faces = (uint32_t)r->params->micro_faces,
 	                            .micro_cost = INFINITY,
 	                            .all = wh_run_engine(r)};
-	if (share > 0 && wh_run_survey(r, keep, &params) != WH_OK)
+	if ((share > 0 || r->sizes.round_keep > 0) && wh_run_survey(r, keep, &params) != WH_OK)
 		return r->c->err.code;
 	return decimate(r, &params, share);
 }

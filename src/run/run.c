@@ -138,7 +138,8 @@ bool wh_run_is_no_smaller(const wh_run *r)
 
 bool wh_run_copies(const wh_run *r)
 {
-	if (r->to != r->input.ply.kind || wh_run_has_hygiene(r) || r->params->progressive)
+	if (r->to != r->input.ply.kind || wh_run_has_hygiene(r) || r->params->progressive ||
+	    r->params->smooth || r->params->normals)
 		return false;
 	if (r->params->ascii && r->input.ply.format != WH_PLY_ASCII)
 		return false;
@@ -194,6 +195,19 @@ wh_ply_style wh_run_style(const wh_run *r)
 	                      .wedges = r->input.source.wedges,
 	                      .doubled = doubled(r),
 	                      .texture = only_texture(r)};
+}
+
+wh_polish wh_run_polish(const wh_run *r)
+{
+	return (wh_polish){r->params->smooth, r->params->normals};
+}
+
+wh_code wh_run_refuse_polish(wh_run *r)
+{
+	return wh_fail(r->c, WH_E_PLAN,
+	               "a result is smoothed, and gets normals, in memory, from %llu faces at most "
+	               "before the last pass: ask for fewer, or raise --final-faces",
+	               (unsigned long long)wh_plan_final_limit(&r->sizes));
 }
 
 wh_code wh_run_take_policy(wh_run *r)
@@ -258,7 +272,7 @@ void wh_run_note_unreferenced(wh_run *r, uint64_t n)
 
 wh_plan_sizes wh_run_sizes(const wh_reduce_params *p)
 {
-	return (wh_plan_sizes){p->cluster_faces, p->micro_faces, p->final_faces};
+	return (wh_plan_sizes){p->cluster_faces, p->micro_faces, p->final_faces, p->round_keep};
 }
 
 void wh_run_note_check(wh_run *r, const wh_check *found)

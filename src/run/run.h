@@ -29,6 +29,7 @@
 #include "pipeline/ledger.h"
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
+#include "pipeline/polish.h"
 #include "pipeline/round.h"
 #include "pipeline/sequence.h"
 #include "pipeline/sift.h"
@@ -59,8 +60,8 @@ typedef struct wh_run {
 	uint32_t generations, recuts;
 	uint32_t recuts_begun; /* of the result at hand: cuts anew before it */
 	wh_patch patch;
-	wh_store origin;      /* of a progressive mesh: as ingested, */
-	wh_sequence sequence; /* and what was done to it */
+	wh_sequence sequence; /* of a progressive mesh: what was done to it, */
+	uint64_t recorded;    /* and its faces at the beginning */
 	size_t at;            /* the result to reach: a level, or, after all of them, the last */
 	wh_level aim;         /* its limits */
 	double max_err;
@@ -116,6 +117,9 @@ void wh_run_note_unreferenced(wh_run *r, uint64_t n);
 /* The properties to carry, as far as the output has room for them. */
 wh_wanted wh_run_wanted(const wh_run *r);
 wh_ply_style wh_run_style(const wh_run *r);
+wh_polish wh_run_polish(const wh_run *r);
+/* A result that is streamed, when it was to be polished. */
+wh_code wh_run_refuse_polish(wh_run *r);
 wh_simplify_params wh_run_engine(const wh_run *r);
 /* Bytes that the engine keeps for a vertex besides its workspace. */
 size_t wh_run_state_bytes(const wh_run *r);
@@ -236,11 +240,12 @@ wh_code wh_run_end_rounds(wh_run *r);
 
 /* These do nothing where no progressive mesh is wanted. Parameters that go together: */
 wh_code wh_run_sensible_record(wh_ctx *c, const wh_reduce_params *p);
+/* Adds what recording takes to the plan. */
+void wh_run_plan_record(wh_run *r);
 /* What cannot be recorded, or has no room, is refused; the plan is made. */
 wh_code wh_run_refuse_record(wh_run *r);
-/* The ingested mesh is needed again. */
-void wh_run_keep_origin(wh_run *r);
-bool wh_run_is_origin(const wh_run *r, const wh_store *store);
+/* The mesh is ingested: what is done to it from here on is recorded. */
+void wh_run_begin_record(wh_run *r);
 /* A result that is streamed has no record. */
 wh_code wh_run_refuse_streamed(wh_run *r);
 /* The progressive mesh, whose base is the patch. */

@@ -5,12 +5,17 @@ w=${WHITTLE:?}
 
 expect 0 "$w" generate -o in.ply --faces 20K -q
 expect 0 "$w" progressive in.ply -o a.pmesh --faces 700 --cluster-faces 5K --micro-faces 1K
-expect 0 "$w" reduce in.ply -o direct.ply --faces 700 --cluster-faces 5K --micro-faces 1K -q
+expect 0 "$w" reduce in.ply -o direct.ply --faces 700 --cluster-faces 5K --micro-faces 1K --round-keep 0.5 -q
 expect 0 "$w" replay a.pmesh
 grep -q "to 700 faces" out || fail "the record does not say what it holds"
 expect 0 "$w" replay a.pmesh -o base.ply --faces 700
 cmp -s direct.ply base.ply || fail "the base is not what reduce leaves"
-expect 0 "$w" progressive in.ply -o one.pmesh --faces 700 -q
+expect 0 "$w" progressive in.ply -o even.pmesh --faces 700 --cluster-faces 3K -q
+expect 0 "$w" reduce in.ply -o direct.ply --faces 700 --cluster-faces 3K --micro-faces 0 --round-keep 0.5 -q -f
+expect 0 "$w" replay even.pmesh -o base.ply --faces 700 -f
+cmp -s direct.ply base.ply || fail "the base of short rounds is not what reduce leaves"
+expect 2 "$w" reduce in.ply -o x.ply --faces 700 --round-keep 1
+expect 0 "$w" progressive in.ply -o one.pmesh --faces 700 --cluster-faces 0 -q
 expect 0 "$w" reduce in.ply -o direct.ply --faces 700 --cluster-faces 0 --micro-faces 0 -q -f
 expect 0 "$w" replay one.pmesh -o base.ply --faces 700 -f
 cmp -s direct.ply base.ply || fail "the base of one cluster is not what reduce leaves"
@@ -48,6 +53,9 @@ cmp -s m0000.ply m0001.ply && fail "nothing moves"
 expect 2 "$w" replay a.pmesh -o 'm%f.ply' --faces 1000 --towards 8000 --frames 4
 [ ! -e m0003.ply ] || fail "a frame in spite of one that was in the way"
 grep -q "m0000.ply' exists already" err || fail "the frame in the way is not named"
+long=$(printf 'x%.0s' $(seq 252)).ply
+expect 2 "$w" replay a.pmesh -o "$long" --faces 1000 --towards 8000 --frames 3
+grep -q "names of the frames are too long" err || fail "too long a name is not told"
 for wrong in "--geomorph 1.5" "--geomorph nan" "--geomorph -1" "--frames 1" "--frames -3" "--towards 1K" \
 	"--geomorph 0.5 --frames 3" "--geomorph 0.5 --text lines" "--geomorph 0.5 --towards 0"; do
 	# shellcheck disable=SC2086
