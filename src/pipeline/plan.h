@@ -26,7 +26,7 @@ typedef struct wh_plan_sizes {
 	uint64_t cluster_faces; /* 0: one cluster */
 	uint64_t micro_faces;   /* 0: none */
 	uint64_t final_faces;   /* 0: two clusters', but no fewer than 64 Ki */
-	double round_keep;      /* share of the faces that a round leaves at least; 0: as it comes */
+	double round_keep; /* share of the faces that a round leaves at least; 0: as it comes */
 } wh_plan_sizes;
 
 /* ---- decisions ---------------------------------------------------------------------------- */
