@@ -1,7 +1,6 @@
-/* The frame of a report's page: tools/page/page.html with its {{places}} filled. */
+/* A report's page: tools/page/report.html with its {{places}} filled. */
 #include "page_files.h"
 #include "page_parts.h"
-#include "whittle.h"
 
 #include <string.h>
 
@@ -15,25 +14,11 @@ static void write_title(const page_work *w, const page_out *o)
 	page_text(o, title_of(w));
 }
 
-static void write_version(const page_work *w, const page_out *o)
-{
-	(void)w;
-	page_put(o, WHITTLE_VERSION);
-}
-
-static void write_css(const page_work *w, const page_out *o)
-{
-	(void)w;
-	page_put(o, (const char *)page_css);
-}
-
 static const struct {
 	const char *name;
 	void (*write)(const page_work *w, const page_out *o);
 } places[] = {
     {"title", write_title},
-    {"version", write_version},
-    {"css", write_css},
     {"figures", page_write_figures},
     {"pictures", page_write_pictures},
     {"view", page_write_view},
@@ -55,5 +40,5 @@ static void write_place(const void *work, const page_out *o, const char *name, s
 
 void page_write(const page_work *w, const page_out *o)
 {
-	page_fill(o, (const char *)page_html, write_place, w);
+	page_put_whole(o, page_report, write_place, w);
 }

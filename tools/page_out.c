@@ -1,6 +1,7 @@
 #include "page_out.h"
 
 #include "page_files.h"
+#include "whittle.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -42,6 +43,34 @@ void page_fill(const page_out *o, const char *html,
 		html = close + 2;
 	}
 	page_put(o, html);
+}
+
+/* What goes into the frame. */
+typedef struct framed {
+	const unsigned char *page;
+	void (*put)(const void *from, const page_out *o, const char *name, size_t n);
+	const void *from;
+} framed;
+
+static void put_into_frame(const void *from, const page_out *o, const char *name, size_t n)
+{
+	const framed *w = from;
+	if (n == 4 && strncmp(name, "page", n) == 0)
+		page_fill(o, (const char *)w->page, w->put, w->from);
+	else if (n == 3 && strncmp(name, "css", n) == 0)
+		page_put(o, (const char *)page_css);
+	else if (n == 7 && strncmp(name, "version", n) == 0)
+		page_put(o, WHITTLE_VERSION);
+	else
+		w->put(w->from, o, name, n);
+}
+
+void page_put_whole(const page_out *o, const unsigned char *page,
+                    void (*put)(const void *from, const page_out *o, const char *name, size_t n),
+                    const void *from)
+{
+	const framed w = {page, put, from};
+	page_fill(o, (const char *)page_frame, put_into_frame, &w);
 }
 
 void page_scripts(const page_out *o, const unsigned char *view, const unsigned char *what)

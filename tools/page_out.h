@@ -41,6 +41,11 @@ void page_fill(const page_out *o, const char *html,
                void (*put)(const void *from, const page_out *o, const char *name, size_t n),
                const void *from);
 
+/* The whole of a page: tools/page/frame.html around this one, with {{places}} as above. */
+void page_put_whole(const page_out *o, const unsigned char *page,
+                    void (*put)(const void *from, const page_out *o, const char *name, size_t n),
+                    const void *from);
+
 /* A script of three.js, its licence, and these two scripts in one function. */
 void page_scripts(const page_out *o, const unsigned char *view, const unsigned char *what);
 

@@ -3,7 +3,7 @@
  *
  *     page_files_open, page_pictures, page_compare, page_meshes   gather; each may fail
  *     page_write                                                  writes all of it into
- * tools/page/page.html
+ * tools/page/report.html
  */
 #ifndef WH_TOOLS_PAGE_PARTS_H
 #define WH_TOOLS_PAGE_PARTS_H

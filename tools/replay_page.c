@@ -118,18 +118,6 @@ static void write_title(const play_page *g, const page_out *o)
 	page_text(o, page_name(g->o->input));
 }
 
-static void write_version(const play_page *g, const page_out *o)
-{
-	(void)g;
-	page_put(o, WHITTLE_VERSION);
-}
-
-static void write_css(const play_page *g, const page_out *o)
-{
-	(void)g;
-	page_put(o, (const char *)page_css);
-}
-
 static void write_words(const play_page *g, const page_out *o)
 {
 	const wh_pmesh_head *h = &g->p->file.head;
@@ -182,11 +170,7 @@ static void write_place(const void *page, const page_out *o, const char *name, s
 	static const struct {
 		const char *name;
 		void (*write)(const play_page *g, const page_out *o);
-	} places[] = {{"title", write_title},
-	              {"version", write_version},
-	              {"css", write_css},
-	              {"words", write_words},
-	              {"data", write_data}};
+	} places[] = {{"title", write_title}, {"words", write_words}, {"data", write_data}};
 	for (size_t i = 0; i < sizeof places / sizeof *places; i++)
 		if (strlen(places[i].name) == n && strncmp(places[i].name, name, n) == 0)
 			places[i].write(page, o);
@@ -214,7 +198,7 @@ static wh_code write_page(wh_ctx *c, const replay_options *o, const wh_progressi
 	if (wh_outfile_open(c, &out.file, o->page, o->out.force) != WH_OK)
 		return c->err.code;
 	find_frame(&g);
-	page_fill(&out, (const char *)page_play_html, write_place, &g);
+	page_put_whole(&out, page_play_html, write_place, &g);
 	if (c->err.code == WH_OK)
 		(void)wh_outfile_commit(c, &out.file);
 	wh_outfile_abort(c, &out.file);
