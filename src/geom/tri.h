@@ -37,28 +37,72 @@ static inline double wh_segment_dist2(wh_vec3 a, wh_vec3 ab)
 }
 
 /*
- * Squared distance of p from the triangle abc, inside included. When the foot of the
- * perpendicular is inside, it is the height over the plane; else the nearest of the three sides
- * is. Triangles on a line or in a point have no inside and need no other care.
+ * Squared distance of the origin from the triangle abc, inside included, however thin it is: when
+ * the foot of the perpendicular is inside, the height over the plane, else the distance of the
+ * nearest of the three sides. Triangles on a line or in a point have no inside.
  */
-static inline double wh_tri_dist2(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c)
+static inline double wh_thin_dist2(wh_vec3 a, wh_vec3 b, wh_vec3 c)
 {
-	const wh_vec3 pa = wh_sub(a, p), pb = wh_sub(b, p), pc = wh_sub(c, p);
 	const wh_vec3 ab = wh_sub(b, a), bc = wh_sub(c, b), ca = wh_sub(a, c);
 	const wh_vec3 n = wh_cross(ab, bc);
 	const double nn = wh_norm2(n);
-	const bool in_ab = wh_dot(wh_cross(pa, ab), n) >= 0;
-	const bool in_bc = wh_dot(wh_cross(pb, bc), n) >= 0;
-	const bool in_ca = wh_dot(wh_cross(pc, ca), n) >= 0;
-	if (in_ab && in_bc && in_ca && nn > 0) {
-		const double h = wh_dot(pa, n);
+	if (nn > 0 && wh_dot(wh_cross(a, ab), n) >= 0 && wh_dot(wh_cross(b, bc), n) >= 0 &&
+	    wh_dot(wh_cross(c, ca), n) >= 0) {
+		const double h = wh_dot(a, n);
 		return h * h / nn;
 	}
-	const double d_ab = wh_segment_dist2(pa, ab);
-	const double d_bc = wh_segment_dist2(pb, bc);
-	const double d_ca = wh_segment_dist2(pc, ca);
+	const double d_ab = wh_segment_dist2(a, ab);
+	const double d_bc = wh_segment_dist2(b, bc);
+	const double d_ca = wh_segment_dist2(c, ca);
 	const double least = d_bc < d_ca ? d_bc : d_ca;
 	return d_ab < least ? d_ab : least;
+}
+
+/* Squared distance of the origin from a side that begins at a and is not 0: `along` it to the foot
+ * of the perpendicular, times its length, whose square is len2. */
+static inline double wh_side_dist2(wh_vec3 a, wh_vec3 side, double along, double len2)
+{
+	double t = along / len2;
+	t = t > 0 ? t : 0;
+	t = t < 1 ? t : 1;
+	return wh_norm2(wh_add(a, wh_scale(side, t)));
+}
+
+/*
+ * Squared distance of p from the triangle abc, inside included. When the foot of the perpendicular
+ * is inside, by its shares of the area, it is the height over the plane; else only the sides that
+ * have the foot on their outer side are looked at: the nearest point is on one of them, as a corner
+ * is nearest only to points that are outside of one of its sides. Where rounding may decide what is
+ * inside, with angles below some thousandth, nothing is taken for granted.
+ */
+static inline double wh_tri_dist2(wh_vec3 p, wh_vec3 a, wh_vec3 b, wh_vec3 c)
+{
+	const double thin = 1e-6; /* square of the sine of the angle at a */
+	const wh_vec3 pa = wh_sub(a, p), ab = wh_sub(b, a), ac = wh_sub(c, a);
+	const double on_ab = -wh_dot(pa, ab), on_ac = -wh_dot(pa, ac);
+	const double bb = wh_norm2(ab), cc = wh_norm2(ac), bc = wh_dot(ab, ac);
+	const double whole = bb * cc - bc * bc;
+	const double share_b = cc * on_ab - bc * on_ac, share_c = bb * on_ac - bc * on_ab;
+	if (!(whole > thin * (bb * cc)))
+		return wh_thin_dist2(pa, wh_sub(b, p), wh_sub(c, p));
+	if (share_b >= 0 && share_c >= 0 && share_b + share_c <= whole) {
+		const wh_vec3 n = wh_cross(ab, ac);
+		const double h = wh_dot(pa, n);
+		return h * h / wh_norm2(n);
+	}
+	double least = INFINITY;
+	if (share_c < 0)
+		least = wh_side_dist2(pa, ab, on_ab, bb);
+	if (share_b < 0) {
+		const double d = wh_side_dist2(pa, ac, on_ac, cc);
+		least = d < least ? d : least;
+	}
+	if (share_b + share_c > whole) {
+		const wh_vec3 pb = wh_sub(b, p), side = wh_sub(c, b);
+		const double d = wh_side_dist2(pb, side, -wh_dot(pb, side), wh_norm2(side));
+		least = d < least ? d : least;
+	}
+	return least;
 }
 
 /*

@@ -33,6 +33,10 @@
 #include <float.h>
 #include <string.h>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 /* Coordinates lose up to this share as floats, and a little more in a difference. */
 #define QUERY_SLACK 0x1p-23f
 
@@ -436,6 +440,10 @@ const wh_page *wh_bvh_page(wh_ctx *c, wh_bvh_reader *r, uint32_t page)
 
 /* ---- the query ------------------------------------------------------------------------------ */
 
+/* Four floats in one register, and four truths: all bits set or none. */
+typedef float lanes __attribute__((vector_size(16)));
+typedef int32_t truths __attribute__((vector_size(16)));
+
 /* Something still to be looked at. */
 typedef struct todo {
 	double bound; /* its squared distance is at least this */
@@ -448,9 +456,10 @@ enum { TODO_MAX = (WH_BVH_LEVELS + WH_PAGE_LEVELS) * WH_BOXES };
 typedef struct query {
 	wh_vec3 p;
 	bool far;
-	float lo[3], hi[3]; /* the box around p; near ones only */
+	lanes lo[3], hi[3]; /* the box around p, in all lanes; near ones only */
 	double best;        /* squared distance of the nearest face so far */
-	double limit;       /* bounds from here on cannot be nearer than best */
+	double limit;       /* bounds from here on cannot be nearer than best; ... */
+	float short_limit;  /* ... as a float, which is 0 only if it is */
 	uint32_t tried;     /* faces so far */
 	wh_bvh_face face;
 	todo stack[TODO_MAX]; /* nearest on top within the children of one node */
@@ -465,12 +474,21 @@ static double patient_limit(const query *q)
 	return less * less;
 }
 
-static void set_limit(query *q)
+static void set_limit(query *q, double limit)
+{
+	q->limit = limit;
+	if (limit < (double)FLT_MIN)
+		q->short_limit = limit > 0 ? FLT_MIN : 0;
+	else
+		q->short_limit = limit < (double)FLT_MAX ? (float)limit : FLT_MAX;
+}
+
+static void limit_to_best(query *q)
 {
 	if (q->far)
-		q->limit = q->best * (1 - FAR_SLACK);
+		set_limit(q, q->best * (1 - FAR_SLACK));
 	else
-		q->limit = q->tried < MANY ? q->best * (1 + BOUND_SLACK) : patient_limit(q);
+		set_limit(q, q->tried < MANY ? q->best * (1 + BOUND_SLACK) : patient_limit(q));
 }
 
 static void try_face(query *q, uint32_t page, const wh_page *g, uint32_t face)
@@ -481,15 +499,11 @@ static void try_face(query *q, uint32_t page, const wh_page *g, uint32_t face)
 	if (d < q->best) {
 		q->best = d;
 		q->face = (wh_bvh_face){page, face};
-		set_limit(q);
+		limit_to_best(q);
 	} else if (many) {
-		set_limit(q);
+		limit_to_best(q);
 	}
 }
-
-/* Four floats in one register, and four truths: all bits set or none. */
-typedef float lanes __attribute__((vector_size(16)));
-typedef int32_t truths __attribute__((vector_size(16)));
 
 static lanes load_lanes(const float *x)
 {
@@ -498,21 +512,25 @@ static lanes load_lanes(const float *x)
 	return v;
 }
 
-/* x where positive, else 0. */
-static lanes positive(lanes x)
+/* Lane by lane; both are numbers. */
+static lanes greater(lanes x, lanes y)
 {
-	return (lanes)((truths)x & (x > 0));
+#ifdef __SSE2__
+	return _mm_max_ps(x, y);
+#else
+	const truths more = x > y;
+	return (lanes)(((truths)x & more) | ((truths)y & ~more));
+#endif
 }
 
-/* Lower bounds of the squared distances to four boxes, from slot s on. A point is below a box or
- * above it or neither, so the sum of the two excesses is the greater one. */
+/* Lower bounds of the squared distances to four boxes, from slot s on. */
 static lanes bound_boxes(const query *q, const wh_boxes *n, int s)
 {
 	lanes sum = {0};
 	for (int k = 0; k < 3; k++) {
 		const lanes under = load_lanes(n->lo[k] + s) - q->hi[k];
 		const lanes over = q->lo[k] - load_lanes(n->hi[k] + s);
-		const lanes d = positive(under) + positive(over);
+		const lanes d = greater(greater(under, over), (lanes){0});
 		sum += d * d;
 	}
 	return sum;
@@ -521,8 +539,12 @@ static lanes bound_boxes(const query *q, const wh_boxes *n, int s)
 /* Bit i: lane i is true. */
 static unsigned bits_of(truths t)
 {
+#ifdef __SSE2__
+	return (unsigned)_mm_movemask_ps((lanes)t);
+#else
 	const truths bit = t & (truths){1, 2, 4, 8};
 	return (unsigned)(bit[0] | bit[1] | bit[2] | bit[3]);
+#endif
 }
 
 /* Puts a child into the stack, above those of its siblings (from base on) that are farther. */
@@ -534,21 +556,12 @@ static void push(query *q, int base, todo x)
 	q->stack[i] = x;
 }
 
-/* No less than a float can be, unless it is 0. */
-static float float_limit(const query *q)
-{
-	if (q->limit < (double)FLT_MIN)
-		return q->limit > 0 ? FLT_MIN : 0;
-	return q->limit < (double)FLT_MAX ? (float)q->limit : FLT_MAX;
-}
-
 static void open_near(query *q, const wh_boxes *n, const todo *x)
 {
 	const int base = q->depth;
-	const float limit = float_limit(q);
 	for (int s = 0; s < WH_BOXES; s += 4) {
 		const lanes bound = bound_boxes(q, n, s);
-		for (unsigned near = bits_of(bound < limit); near; near &= near - 1) {
+		for (unsigned near = bits_of(bound < q->short_limit); near; near &= near - 1) {
 			const int lane = __builtin_ctz(near);
 			push(q, base,
 			     (todo){(double)bound[lane], x->level - 1,
@@ -582,7 +595,7 @@ static void try_leaf(query *q, uint32_t page, const wh_page *g, uint32_t leaf)
 	const wh_boxes *n = &g->boxes[leaf]; /* level 0 comes first */
 	for (int s = 0; s < WH_BOXES; s += 4) {
 		const lanes bound = bound_boxes(q, n, s);
-		for (unsigned near = bits_of(bound < float_limit(q)); near; near &= near - 1) {
+		for (unsigned near = bits_of(bound < q->short_limit); near; near &= near - 1) {
 			const int lane = __builtin_ctz(near);
 			if ((double)bound[lane] < q->limit)
 				try_face(q, page, g, leaf * WH_BOXES + (uint32_t)(s + lane));
@@ -622,10 +635,11 @@ static void start(query *q, wh_vec3 p, bool far)
 	q->far = far;
 	for (int k = 0; k < 3 && !far; k++) {
 		const float x = (float)xyz[k], slack = fabsf(x) * QUERY_SLACK + FLT_MIN;
-		q->lo[k] = x - slack;
-		q->hi[k] = x + slack;
+		q->lo[k] = (lanes){0} + (x - slack);
+		q->hi[k] = (lanes){0} + (x + slack);
 	}
-	q->best = q->limit = INFINITY;
+	q->best = INFINITY;
+	set_limit(q, INFINITY);
 	q->tried = 0;
 	q->face = (wh_bvh_face){0, 0};
 	q->depth = 0;
@@ -687,7 +701,7 @@ static wh_code search_around(wh_ctx *c, wh_bvh_reader *r, query *q)
 	a->uses++;
 	for (uint32_t s = 0; s < a->n; s += 4) {
 		const lanes bound = bound_boxes(q, &a->boxes[s / WH_BOXES], s % WH_BOXES);
-		for (unsigned near = bits_of(bound < float_limit(q)); near; near &= near - 1) {
+		for (unsigned near = bits_of(bound < q->short_limit); near; near &= near - 1) {
 			const int lane = __builtin_ctz(near);
 			const uint32_t i = s + (uint32_t)lane;
 			if ((double)bound[lane] >= q->limit)
@@ -804,7 +818,7 @@ static wh_code look_around(wh_ctx *c, wh_bvh_reader *r, query *q)
 	a->uses = 0;
 	a->centre = q->p;
 	a->radius = sqrt(q->best) + LEAVES * leaf_size(g, q->face.face) + STEPS * a->step;
-	q->limit = a->radius * a->radius * (1 + BOUND_SLACK);
+	set_limit(q, a->radius * a->radius * (1 + BOUND_SLACK));
 	return gather(c, r, q);
 }
 
