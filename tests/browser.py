@@ -5,6 +5,7 @@ usage: browser.py PAGE.html LEVELS       are the view and its controls alive? on
        browser.py PAGE.html --play      the same of a page of whittle replay
        browser.py PAGE.html --pictures DIR    screenshots: first screen, view, dark, a phone's width;
                                               and print.pdf, the page on paper
+       browser.py PAGE.html --levels DIR      screenshots of a page of whittle replay: three levels
 
 Nothing but Python's standard library. Status 77 where there is no Chromium, 1 after failures.
 """
@@ -276,6 +277,20 @@ def pictures(page, folder):
     return 0
 
 
+def three_levels(page, folder):
+    browser = Browser((900, 760))
+    try:
+        browser.open(page)
+        browser.until("document.getElementById('count').textContent")
+        for share in (0, 500, 1000):
+            browser.run(SLIDE.format(share))
+            settled(browser)
+            browser.picture(f"{folder}/level-{share}.png")
+    finally:
+        browser.close()
+    return 0
+
+
 def main():
     if len(sys.argv) not in (3, 4):
         print(__doc__)
@@ -285,6 +300,8 @@ def main():
         return 77
     if sys.argv[2] == "--pictures":
         return pictures(sys.argv[1], sys.argv[3])
+    if sys.argv[2] == "--levels":
+        return three_levels(sys.argv[1], sys.argv[3])
     if sys.argv[2] == "--play":
         return check(sys.argv[1], check_play)
     levels = int(sys.argv[2])
