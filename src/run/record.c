@@ -37,8 +37,16 @@ wh_code wh_run_sensible_record(wh_ctx *c, const wh_reduce_params *p)
 
 /* ---- before it begins --------------------------------------------------------------------- */
 
-/* Temporary disk of sorting, a face (measured). */
-static const double SORTED = 230;
+/* Temporary disk that a face takes while the splits are sorted (measured), of floats and nothing
+ * else. */
+static const double SORTED = 200;
+
+static uint64_t sorted_bytes(const wh_run *r)
+{
+	const wh_source *s = &r->input.source;
+	const uint32_t attr = s->attributes ? s->attributes->bytes : 0;
+	return (uint64_t)((SORTED + (s->is_double ? 6 * 4 : 0) + 2.0 * attr) * (double)s->nf);
+}
 
 /* Of a round over clusters that are not all of one size; of the last pass, and of what is left of
  * it while the splits are sorted. */
@@ -67,7 +75,7 @@ void wh_run_plan_record(wh_run *r)
 	if (!r->params->progressive)
 		return;
 	const size_t least = least_bytes(r) + WH_PLAN_BASE;
-	const uint64_t sorted = (uint64_t)(SORTED * (double)r->input.source.nf);
+	const uint64_t sorted = sorted_bytes(r);
 	r->plan.least = r->plan.least > least ? r->plan.least : least;
 	r->plan.peak_disk = r->plan.peak_disk > sorted ? r->plan.peak_disk : sorted;
 }
