@@ -58,6 +58,21 @@ uint32_t wh_mesh_holds(wh_format format)
 	}
 }
 
+uint64_t wh_mesh_least_bytes(wh_ply_style style, uint64_t nv, uint64_t nf)
+{
+	enum { LINE = 8 }; /* "v 0 0 0" and "f 1 2 3" with their ends */
+	const bool text =
+	    style.ascii || style.format == WH_FORMAT_OBJ || style.format == WH_FORMAT_OFF;
+	if (style.format == WH_FORMAT_STL)
+		return nf * (text ? 3 * LINE : 50);
+	if (text)
+		return (nv + nf) * LINE;
+	if (style.format == WH_FORMAT_GLB)
+		return nv * (style.quantize ? 8 : 12) + nf * (nv > UINT16_MAX ? 12 : 6);
+	const uint64_t carried = style.attributes ? style.attributes->bytes : 0;
+	return nv * ((style.is_double ? 24 : 12) + carried) + nf * 13;
+}
+
 bool wh_mesh_wants_box(wh_ply_style style)
 {
 	return style.format == WH_FORMAT_GLB;

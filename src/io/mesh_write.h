@@ -31,6 +31,8 @@ void wh_mesh_box_join(wh_mesh_box *b, const wh_mesh_box *other);
 /* What a format has room for beside positions and triangles: WH_HOLDS_... of io/attributes.h. The
  * attributes of a style for it have nothing else. */
 uint32_t wh_mesh_holds(wh_format format);
+/* Bytes that a mesh of these counts takes at least. */
+uint64_t wh_mesh_least_bytes(wh_ply_style style, uint64_t nv, uint64_t nf);
 /* True when the header holds the bounds, which have to be found first. */
 bool wh_mesh_wants_box(wh_ply_style style);
 /* True when triangles are written with their positions, and vertices not at all. */

@@ -21,6 +21,7 @@
 #include <string.h>
 #include <sys/random.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #define XXH_STATIC_LINKING_ONLY /* the state lies inside our own struct */
@@ -121,6 +122,25 @@ bool wh_outfile_same(const char *a, const char *b)
 	const char *name_b = place_of(b, &y, target_b);
 	return name_a && name_b && x.st_dev == y.st_dev && x.st_ino == y.st_ino &&
 	       strcmp(name_a, name_b) == 0;
+}
+
+wh_code wh_outfile_foresee(wh_ctx *c, const char *path, uint64_t bytes)
+{
+	struct stat st;
+	struct statvfs disk;
+	char target[PATH_MAX], folder[PATH_MAX];
+	if (strcmp(path, "-") == 0 || (stat(path, &st) == 0 && !S_ISREG(st.st_mode)) ||
+	    !follow(path, target) || !sibling(folder, target, ".") || statvfs(folder, &disk) != 0 ||
+	    disk.f_blocks == 0)
+		return WH_OK;
+	const uint64_t room = (uint64_t)disk.f_bavail * disk.f_frsize;
+	if (room >= bytes - bytes / 10)
+		return WH_OK;
+	return wh_fail(c, WH_E_PLAN,
+	               "the folder of '%s' has %" PRIu64
+	               " bytes free, and the result will have %" PRIu64
+	               " or more: make room, or give an output on another disk",
+	               path, room, bytes);
 }
 
 static wh_code open_folder(wh_ctx *c, wh_outfile *o, const char *target)

@@ -20,6 +20,10 @@ typedef struct wh_outfile wh_outfile;
  * refuses, naming the path and what would help. */
 wh_code wh_outfile_open(wh_ctx *c, wh_outfile **o, const char *path, bool force);
 
+/* WH_E_PLAN where the folder of the output has less room than nine tenths of so many bytes: names
+ * it, and what would help. */
+wh_code wh_outfile_foresee(wh_ctx *c, const char *path, uint64_t bytes);
+
 /* From here on bytes are compressed on their way; sizes and checksums are of what comes out. Call
  * it before the first byte. WH_E_USAGE in a build without the library. */
 wh_code wh_outfile_pack(wh_ctx *c, wh_outfile *o, wh_packing packing);

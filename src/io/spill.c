@@ -162,13 +162,37 @@ void wh_spill_close(wh_ctx *c, wh_spill *s)
 
 /* ---- a kept folder ------------------------------------------------------------------------ */
 
+/* True when there is room, but for no further file. */
+static bool lacks_inodes(const char *place)
+{
+	struct statvfs st;
+	return statvfs(place, &st) == 0 && st.f_files > 0 && st.f_favail == 0 && st.f_bavail > 0;
+}
+
+static wh_code make_folder(wh_ctx *c, const char *dir, bool *made)
+{
+	char above[PATH_MAX];
+	*made = mkdir(dir, 0777) == 0;
+	if (*made || errno == EEXIST)
+		return WH_OK;
+	const int why = errno;
+	(void)snprintf(above, sizeof above, "%s", dir);
+	char *slash = strrchr(above, '/');
+	if (slash)
+		slash[slash == above ? 1 : 0] = '\0';
+	const bool files = why == ENOSPC && lacks_inodes(slash ? above : ".");
+	errno = why;
+	return wh_fail_errno(c, "cannot make the folder '%s'%s", dir,
+	                     files           ? " (no inodes left: remove files of that disk)"
+	                     : why == ENOSPC ? " (make room there)"
+	                                     : "");
+}
+
 static wh_code open_kept(wh_ctx *c, wh_spill *s, const char *base)
 {
-	s->made = mkdir(base, 0777) == 0;
-	if (!s->made && errno != EEXIST)
-		return wh_fail_errno(c, "cannot make the folder '%s'", base);
-	if (mkdir(s->dir, 0777) != 0 && errno != EEXIST)
-		return wh_fail_errno(c, "cannot make the folder '%s'", s->dir);
+	bool made;
+	if (make_folder(c, base, &s->made) != WH_OK || make_folder(c, s->dir, &made) != WH_OK)
+		return c->err.code;
 	s->dirfd = open(s->dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 	return s->dirfd >= 0 ? WH_OK : wh_fail_errno(c, "cannot open the folder '%s'", s->dir);
 }
@@ -285,6 +309,12 @@ static wh_code no_space(wh_ctx *c, const wh_spill *s, uint64_t more)
 {
 	char all[64] = "";
 	const char *why = strerror(errno);
+	if (more == 0 && errno == ENOSPC && lacks_inodes(s->dir))
+		return wh_fail(
+		    c, WH_E_RUN,
+		    "no inodes left for another file in '%s' (%s); remove files of that disk, "
+		    "or %s",
+		    s->dir, why, remedy(s));
 	if (s->planned)
 		(void)snprintf(all, sizeof all, ", about %" PRIu64 " in all", s->planned);
 	return wh_fail(c, WH_E_RUN,

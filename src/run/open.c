@@ -1,7 +1,7 @@
 #define _GNU_SOURCE
 #include "run/run.h"
 
-#include "io/glb_write.h"
+#include "io/mesh_write.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -247,35 +247,59 @@ static void make_plans(wh_run *r)
 	wh_run_aim(r, r->params->levels);
 }
 
-/* A result that GLB has no room for is told before it is made: it has no fewer faces than its
- * target, and hardly ever less than half as many vertices. */
-static wh_code fits_format(wh_run *r)
+/* A result has no fewer faces than its target, and hardly ever less than half as many vertices. */
+static void least_counts(const wh_run *r, uint64_t *nv, uint64_t *nf)
 {
 	const wh_reduce_report *t = r->report;
-	uint64_t nf = t->target_faces, nv = t->target_vertices;
-	nf = nf < t->input_faces ? nf : t->input_faces;
-	nv = nv < t->input_vertices ? nv : t->input_vertices;
-	if (nv < nf / 2)
-		nv = nf / 2;
+	*nf = t->target_faces < t->input_faces ? t->target_faces : t->input_faces;
+	*nv = t->target_vertices < t->input_vertices ? t->target_vertices : t->input_vertices;
+	if (*nv < *nf / 2)
+		*nv = *nf / 2;
+}
+
+/* What GLB has no room for is told before it is made. */
+static wh_code fits_format(wh_run *r)
+{
+	uint64_t nv, nf;
+	least_counts(r, &nv, &nf);
 	return r->to == WH_FORMAT_GLB ? wh_glb_fits(r->c, wh_run_style(r), nv, nf) : WH_OK;
 }
 
-static wh_code all_fit_format(wh_run *r)
+/* And what its disk has no room for; how much is left of it when it is packed nobody knows. */
+static wh_code fits_disk(wh_run *r)
+{
+	uint64_t nv, nf;
+	least_counts(r, &nv, &nf);
+	if (r->packing != WH_PACKING_NONE || r->params->progressive ||
+	    (!wh_run_is_last(r) && wh_run_is_no_smaller(r)))
+		return WH_OK;
+	return wh_outfile_foresee(r->c, r->aim.output,
+	                          wh_mesh_least_bytes(wh_run_style(r), nv, nf));
+}
+
+static wh_code for_all_results(wh_run *r, wh_code (*fits)(wh_run *r))
 {
 	wh_code code = WH_OK;
 	for (size_t i = 0; code == WH_OK && i < wh_run_results(r); i++) {
 		wh_run_aim(r, i);
-		code = fits_format(r);
+		code = fits(r);
 	}
 	wh_run_aim(r, r->params->levels);
 	return code;
+}
+
+wh_code wh_run_foresee_disks(wh_run *r)
+{
+	r->spill.planned = r->plan.peak_disk;
+	return wh_spill_foresee(r->c, &r->spill) == WH_OK ? for_all_results(r, fits_disk)
+	                                                  : r->c->err.code;
 }
 
 wh_code wh_run_refuse_early(wh_run *r)
 {
 	int most = 0;
 	make_plans(r);
-	if (all_fit_format(r) != WH_OK)
+	if (for_all_results(r, fits_format) != WH_OK)
 		return r->c->err.code;
 	const wh_polish polish = wh_run_polish(r);
 	const wh_ply_style style = wh_run_style(r);
@@ -303,8 +327,7 @@ static wh_code ingest_once(wh_run *r)
 	if (wh_run_refuse_early(r) != WH_OK)
 		return r->c->err.code;
 	r->c->mem->limit = r->memory - WH_PLAN_BASE / 2; /* from here on the ceiling is exact */
-	r->spill.planned = r->plan.peak_disk;
-	if (wh_spill_foresee(r->c, &r->spill) != WH_OK || wh_run_clean_input(r) != WH_OK)
+	if (wh_run_foresee_disks(r) != WH_OK || wh_run_clean_input(r) != WH_OK)
 		return r->c->err.code;
 	wh_ingest_params p = {.clusters = r->plan.clusters,
 	                      .cuts = r->params->seams ? &r->cuts : NULL,

@@ -136,6 +136,8 @@ wh_code wh_run_open_input(wh_run *r);
 void wh_run_list_dropped(wh_run *r);
 /* Makes the plan; a ceiling that will not do is refused. */
 wh_code wh_run_refuse_early(wh_run *r);
+/* So is a disk that is too small for the temporary files, or for a result whose size is known. */
+wh_code wh_run_foresee_disks(wh_run *r);
 wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);

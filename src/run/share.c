@@ -147,7 +147,8 @@ static wh_code plan_parts(wh_run *r)
 	if (wh_run_look(r) != WH_OK)
 		return r->c->err.code;
 	if (!wh_run_copies(r) &&
-	    (wh_run_refuse_early(r) != WH_OK || (wh_run_shares_input(r) && scan(r) != WH_OK)))
+	    (wh_run_refuse_early(r) != WH_OK || wh_run_foresee_disks(r) != WH_OK ||
+	     (wh_run_shares_input(r) && scan(r) != WH_OK)))
 		return r->c->err.code;
 	m->parts = r->params->parts;
 	m->shared_ingest = wh_run_shares_input(r) && !wh_run_copies(r);

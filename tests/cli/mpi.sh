@@ -1,5 +1,6 @@
 # whittle reduce by several processes of an MPI job: the bytes of one, for any number of them; and
 # what happens when one of them fails.
+kill=$(realpath "$(dirname "$0")/../../bench/kill")
 . "$(dirname "$0")/lib.sh"
 if ! "$WHITTLE" --version | grep -q MPI; then
 	echo "skipped: built without MPI"
@@ -65,6 +66,10 @@ ranks 2 1 --run-dir run --resume -v || fail "resumed by fewer: $(cat err)"
 whole "resumed by fewer"
 [ -s run/log-rank-00001 ] || fail "no log: $(ls run)"
 [ ! -e run/whittle-run ] || fail "left: $(ls run/whittle-run)"
+
+# one of up to three, killed at any moment, resumed by another number of them
+# shellcheck disable=SC2086
+timeout 120 "$kill" "$WHITTLE" kills 3 1 in.ply 3 -- $options --faces 15K >out || fail "kills: $(cat out)"
 
 # a launcher that was there, for one process alone, or for a program that is no reduce
 OMPI_COMM_WORLD_SIZE=1 expect 0 "$WHITTLE" reduce in.ply -f -q -o out.ply --faces 1K

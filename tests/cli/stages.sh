@@ -162,6 +162,29 @@ grep -q 'holds no run in stages' err || fail "a run that is over: $(cat err)"
 # ---- a disk that is full ----
 if mkdir small && mount -t tmpfs -o size=5m none small 2>/dev/null; then
 	mounted=$dir/small
+	# what the plan foresees: too little room for clusters, or for the result, and none for a file
+	small_plan() {
+		local status=$1 output=$2 run_dir=$3 words=$4
+		# shellcheck disable=SC2086
+		expect "$status" "$WHITTLE" plan in.ply -o "$output" --run-dir "$run_dir" --parts 2 $sizes --faces 20K
+		grep -q "$words" err || fail "words: $(cat err)"
+		[ -z "$(ls small)" ] && [ ! -e elsewhere.run ] || fail "left: $(ls small)"
+	}
+	mount -o remount,size=100k small
+	small_plan 5 staged.ply small/run "'small/run.*has [0-9]* bytes free.*need about [0-9]* .*--run-dir"
+	small_plan 5 small/staged.ply elsewhere.run "folder of 'small/staged.ply' has [0-9]* bytes free.*will have [0-9]* or more"
+	# shellcheck disable=SC2086
+	expect 5 "$WHITTLE" reduce in.ply -o small/out.ply $sizes --faces 20K
+	# shellcheck disable=SC2086
+	expect 0 "$WHITTLE" reduce in.ply -o small/out.ply -q $sizes --faces 1K
+	rm small/out.ply
+	mount -o remount,size=5m,nr_inodes=1 small
+	small_plan 1 staged.ply small/run "cannot make the folder 'small/run' (no inodes left"
+	mount -o remount,nr_inodes=2 small
+	small_plan 1 staged.ply small/run "cannot make the folder 'small/run/whittle-run' (no inodes left"
+	mount -o remount,nr_inodes=3 small
+	small_plan 1 staged.ply small/run "no inodes left for another file in 'small/run/whittle-run'"
+	mount -o remount,nr_inodes=10000 small
 	rm -f staged.ply
 	# shellcheck disable=SC2086
 	expect 0 "$WHITTLE" plan in.ply -o staged.ply --run-dir small/run --parts 2 $sizes --faces 20K

@@ -147,7 +147,9 @@ if mount -t tmpfs -o size=128k tmpfs small 2>/dev/null; then
 	done
 	[ $refusals -ge 6 ] || fail "only $refusals disks were too small"
 	mount -o remount,size=128k small
-	refuse 'no space left for .small/never' text.ply -o small/never.ply --faces 36K
+	refuse 'no space left for .small/never' text.ply -o small/never.ply.gz --faces 36K
+	expect 5 "$WHITTLE" reduce text.ply -o small/never.ply --faces 36K
+	grep -q "folder of 'small/never.ply' has" err || fail "an output foreseen: $(cat err)"
 	[ -z "$(ls -A small)" ] || fail "left of an output: $(ls -A small)"
 	head -c 200000 /dev/zero >small/full 2>/dev/null
 	expect 1 "$WHITTLE" reduce text.ply -o ok.ply --faces 1K --report small/report.json
