@@ -29,7 +29,7 @@ static void print_help(void)
 {
 	(void)printf(
 	    "usage: whittle check FILE [--json] [--strict] [--weld EPS] [--memory SIZE]\n"
-	    "                          [--threads N] [--temp-dir DIR] [--no-progress]\n\n"
+	    "                          [--threads N] [--temp-dir DIR] [--quiet]\n\n"
 	    "Counts everything that can be right or wrong with a triangle mesh. It is clean\n"
 	    "when it is an oriented manifold, with or without boundary, without degenerate\n"
 	    "or duplicate faces, or vertices that are not finite. An edge is folded when its\n"
@@ -46,25 +46,21 @@ static void print_help(void)
 	    "  --from F        FILE is ply, obj, off or stl, whatever it looks like\n"
 	    "  --reader R      of PLY: whittle (default), or rply where it was built with\n"
 	    "  --threads N     0 (default): all this process may use\n"
-	    "  --no-progress   do not tell how far it is\n");
+	    "  -q, --quiet     do not tell how far it is (--no-progress is the same)\n");
 }
 
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
-	                                      {"strict", no_argument, NULL, 's'},
-	                                      {"threads", required_argument, NULL, 't'},
-	                                      {"memory", required_argument, NULL, 'm'},
-	                                      {"temp-dir", required_argument, NULL, 'd'},
-	                                      {"no-progress", no_argument, NULL, 'p'},
-	                                      {"from", required_argument, NULL, 'f'},
-	                                      {"weld", required_argument, NULL, 'w'},
-	                                      {"reader", required_argument, NULL, 'r'},
-	                                      {"help", no_argument, NULL, 'h'},
-	                                      {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {
+	    {"json", no_argument, NULL, 'j'},           {"strict", no_argument, NULL, 's'},
+	    {"threads", required_argument, NULL, 't'},  {"memory", required_argument, NULL, 'm'},
+	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
+	    {"quiet", no_argument, NULL, 'q'},          {"from", required_argument, NULL, 'f'},
+	    {"weld", required_argument, NULL, 'w'},     {"reader", required_argument, NULL, 'r'},
+	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
 	optind = 1;
-	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
+	for (int opt; (opt = getopt_long(argc, argv, "hq", longs, NULL)) != -1;) {
 		switch (opt) {
 		case 'j':
 			o->json = true;
@@ -106,6 +102,7 @@ static int parse(int argc, char **argv, options *o, bool *done)
 				    optarg);
 			break;
 		case 'p':
+		case 'q':
 			o->quiet = true;
 			break;
 		case 'h':

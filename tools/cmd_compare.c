@@ -51,7 +51,7 @@ static void print_help(void)
 	    "                  /tmp)\n"
 	    "  --from F        all files are ply, obj, off or stl, whatever they look like\n"
 	    "  --threads N     0, the default: all; the figures do not depend on it\n"
-	    "  --no-progress   do not tell how far it is\n\n"
+	    "  -q, --quiet     do not tell how far it is (--no-progress is the same)\n\n"
 	    "Do the cuts between clusters show in B, a reduced A? Its faces within three of\n"
 	    "those nearest to the points of FILE are a band, beside the rest, the interior:\n\n"
 	    "  --seams FILE   points along the cuts, as reduce --seams FILE writes them\n"
@@ -87,6 +87,7 @@ static int parse_option(const char *name, int opt, options *o)
 		o->temp_dir = optarg;
 		return WH_OK;
 	case 'p':
+	case 'q':
 		o->quiet = true;
 		return WH_OK;
 	case 's':
@@ -116,15 +117,21 @@ static int parse_option(const char *name, int opt, options *o)
 /* WH_OK, or the exit status for wrong usage. `done` when there is nothing left to do. */
 static int parse(int argc, char **argv, options *o, bool *done)
 {
-	static const struct option longs[] = {
-	    {"json", no_argument, NULL, 'j'},           {"samples", required_argument, NULL, 'n'},
-	    {"seed", required_argument, NULL, 'r'},     {"threads", required_argument, NULL, 't'},
-	    {"seams", required_argument, NULL, 's'},    {"reference", required_argument, NULL, 'c'},
-	    {"from", required_argument, NULL, 'f'},     {"memory", required_argument, NULL, 'm'},
-	    {"temp-dir", required_argument, NULL, 'd'}, {"no-progress", no_argument, NULL, 'p'},
-	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
+	static const struct option longs[] = {{"json", no_argument, NULL, 'j'},
+	                                      {"samples", required_argument, NULL, 'n'},
+	                                      {"seed", required_argument, NULL, 'r'},
+	                                      {"threads", required_argument, NULL, 't'},
+	                                      {"seams", required_argument, NULL, 's'},
+	                                      {"reference", required_argument, NULL, 'c'},
+	                                      {"from", required_argument, NULL, 'f'},
+	                                      {"memory", required_argument, NULL, 'm'},
+	                                      {"temp-dir", required_argument, NULL, 'd'},
+	                                      {"no-progress", no_argument, NULL, 'p'},
+	                                      {"quiet", no_argument, NULL, 'p'},
+	                                      {"help", no_argument, NULL, 'h'},
+	                                      {NULL, 0, NULL, 0}};
 	optind = 1;
-	for (int opt; (opt = getopt_long(argc, argv, "h", longs, NULL)) != -1;) {
+	for (int opt; (opt = getopt_long(argc, argv, "hq", longs, NULL)) != -1;) {
 		if (opt == 'h') {
 			print_help();
 			*done = true;

@@ -21,7 +21,8 @@ grep -A2 '^degrees between normals' out | grep -q '^  RMS  *0.0000  *0.0000  *0.
 	fail "parallel planes deviate: $(cat out)"
 grep -q '^samples  *10000  *10000  *20000$' out || fail "samples"
 grep -q '^diagonal of A  *5$' out || fail "diagonal"
-expect 0 "$WHITTLE" compare low.ply low.ply --samples 1K
+expect 0 "$WHITTLE" compare -q low.ply low.ply --samples 1K
+[ -s err ] && fail "not quiet: $(cat err)"
 grep -q '^two-sided RMS distance  *0 = 0.00 ' out || fail "a mesh is not at distance 0 from itself"
 expect 0 "$WHITTLE" compare low.ply high.ply --json --samples 1000
 for want in '"diagonal": 5.0' '"rms": 0.5' '"rms_millionths": 100000.0' '"samples": 2000' '"normal_rms": 0.0'; do
