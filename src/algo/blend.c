@@ -19,25 +19,10 @@
  * Labels come from the end that is nearer to the new place; where both are as near, from the one
  * that stays. Normals become as long as the mean of the lengths.
  *
- * Cost. Attributes with weights add what they would be off to the cost of an edge, in the place
- * that geometry chose: the same functions, the squares of their differences from their mean, with
- * the weights of the faces in fan.c, so that both parts have one unit (Garland & Heckbert 1998 put
- * both into one quadric, Hoppe 1999 made it small; here nothing is kept). RMS of the difference of
- * colour and that of distance in millionths of the diagonal, two scans at 30, 10 and 2 %, with
- * weights of
- *
- *     0      2.69  78.3   5.10 197.6   9.21  756      5.19  42.8   7.63 141.5   11.35  657
- *     0.1    2.65  78.3   5.10 197.9   9.21  749      4.89  42.7   7.61 141.8   11.23  664
- *     0.3    2.29  78.8   4.81 196.8   9.19  754      4.03  47.7   7.28 141.3   11.26  668
- *     1      1.64  81.9   3.66 204.9   9.25  766      3.31  66.8   6.38 166.4   10.93  668
- *     3      1.25  97.3   2.75 229.7   7.12  817      3.16  89.2   6.02 227.6   10.35  749
- *     10     1.11 125.2   2.38 298.2   5.81 1008      3.09 110.4   5.93 290.8    9.77 1065
- *
  * Invariants. A value is a number where that of one of the ends was; a vertex that never was an end
  * of a collapse, or is locked, keeps every bit.
  *
- * Time: a pass over the faces around the edge, and one over their corners for each attribute; with
- * weights, one to three edges for each vertex that is evaluated.
+ * Time: a pass over the faces around the edge, and one over their corners for each attribute.
  */
 #include "algo/simplify_engine.h"
 #include "io/attributes.h"
@@ -171,146 +156,6 @@ static void mix_normal(const wh_attributes *as, const mix *m, uint8_t *to)
 	wh_attribute_set(&as->item[as->normal[0]], to, n.x);
 	wh_attribute_set(&as->item[as->normal[1]], to, n.y);
 	wh_attribute_set(&as->item[as->normal[2]], to, n.z);
-}
-
-/* ---- cost --------------------------------------------------------------------------------- */
-
-enum { MOST_CORNERS = 2 * WH_ROW };
-
-/* What all faces around an edge say of the new place. */
-typedef struct wh_opinions {
-	bool asked[WH_ROW];        /* about this edge of the fan */
-	uint32_t corners;          /* the ends of the edge and who is around them */
-	wh_vec3 pos[MOST_CORNERS]; /* from the hub */
-	const uint8_t *record[MOST_CORNERS];
-	double value[MOST_CORNERS]; /* of the attribute at hand */
-	uint32_t n, hubs;           /* faces; the first ones are the hub's */
-	double weight[MOST_CORNERS];
-	double share[MOST_CORNERS][3]; /* of the corners in a value there */
-	uint32_t corner[MOST_CORNERS][3];
-} wh_opinions;
-
-static uint32_t add_corner(const wh_engine *e, wh_vec3 origin, uint32_t v, wh_opinions *o)
-{
-	o->pos[o->corners] = wh_sub(e->w->star[v].pos, origin);
-	o->record[o->corners] = wh_patch_attr(e->p, v);
-	return o->corners++;
-}
-
-/* What the face of these corners says of place x. */
-static void add_opinion(wh_opinions *o, uint32_t a, uint32_t b, uint32_t d, wh_vec3 x)
-{
-	const wh_vec3 ab = wh_sub(o->pos[b], o->pos[a]), ad = wh_sub(o->pos[d], o->pos[a]);
-	const wh_vec3 n = wh_cross(ab, ad), ax = wh_sub(x, o->pos[a]);
-	const double n2 = wh_norm2(n);
-	if (!(n2 > 0) || !isfinite(1 / n2))
-		return;
-	double *share = o->share[o->n];
-	share[1] = wh_dot(wh_cross(ax, ad), n) / n2;
-	share[2] = wh_dot(wh_cross(ab, ax), n) / n2;
-	share[0] = 1 - share[1] - share[2];
-	memcpy(o->corner[o->n], (uint32_t[]){a, b, d}, sizeof o->corner[0]);
-	o->weight[o->n++] = n2 * wh_face_weight(n2);
-}
-
-/* The faces around vertex v; those with `skip` left out. */
-static void add_star(const wh_engine *e, uint32_t hub, uint32_t v, uint32_t skip, wh_vec3 x,
-                     wh_opinions *o)
-{
-	const wh_star *s = &e->w->star[v];
-	const wh_vec3 origin = e->w->star[hub].pos;
-	const uint32_t *ring = wh_ring(e, v);
-	const uint32_t tip = add_corner(e, origin, v, o), first = o->corners;
-	for (uint32_t i = 0; i < s->n; i++)
-		(void)add_corner(e, origin, ring[i], o);
-	for (uint32_t i = 0; i < s->n - !s->closed; i++) {
-		const uint32_t next = i + 1 < s->n ? i + 1 : 0;
-		if (ring[i] != skip && ring[next] != skip)
-			add_opinion(o, tip, first + i, first + next, x);
-	}
-}
-
-/* Mean square, times the weights, of what the faces say less what the value will be: their mean, or
- * that of the locked vertex. */
-static double value_cost(const wh_attribute *a, wh_opinions *o, const uint8_t *locked)
-{
-	const double base = wh_attribute_get(a, locked ? locked : o->record[0]);
-	double sum = 0, sum2 = 0, total = 0;
-	for (uint32_t i = 0; i < o->corners; i++)
-		o->value[i] = wh_attribute_get(a, o->record[i]) - base;
-	for (uint32_t i = 0; i < o->n; i++) {
-		double d = 0;
-		for (int k = 0; k < 3; k++)
-			d += o->share[i][k] * o->value[o->corner[i][k]];
-		sum += o->weight[i] * d;
-		sum2 += o->weight[i] * d * d;
-		total += o->weight[i];
-	}
-	return locked ? sum2 : sum2 - sum * sum / total;
-}
-
-/* A label that changes is wrong in all faces around. */
-static double label_cost(const wh_attribute *a, const wh_opinions *o, const uint8_t *kept,
-                         const uint8_t *lost, bool hub_kept)
-{
-	double sum = 0;
-	if (memcmp(kept + a->at, lost + a->at, wh_attribute_bytes(a)) == 0)
-		return 0;
-	for (uint32_t i = hub_kept ? o->hubs : 0; i < (hub_kept ? o->n : o->hubs); i++)
-		sum += o->weight[i];
-	return sum;
-}
-
-static double cost_of(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
-{
-	const wh_attributes *as = e->params->attributes;
-	const uint32_t other = f->id[i];
-	const wh_vec3 x = wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]);
-	const wh_vec3 edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
-	const uint8_t *ours = wh_patch_attr(e->p, hub), *theirs = wh_patch_attr(e->p, other);
-	const bool locked = wh_is_locked(e, other);
-	const bool nearer = !locked && 2 * wh_dot(x, edge) <= wh_norm2(edge);
-	double cost = 0;
-	wh_opinions *o = e->w->opinions;
-	o->n = o->corners = 0;
-	add_star(e, hub, hub, WH_NONE, x, o);
-	o->hubs = o->n;
-	if (!locked)
-		add_star(e, hub, other, hub, x, o);
-	for (uint32_t k = 0; o->n > 0 && k < as->n; k++) {
-		const wh_attribute *a = &as->item[k];
-		const double unit = a->weight * e->params->attribute_unit;
-		if (!(unit > 0))
-			continue;
-		const double c =
-		    a->kind == WH_KIND_LABEL
-		        ? label_cost(a, o, nearer ? ours : theirs, nearer ? theirs : ours, nearer)
-		        : value_cost(a, o, locked ? theirs : NULL);
-		cost += c > 0 && isfinite(c) ? unit * unit * c : 0;
-	}
-	return cost;
-}
-
-wh_code wh_blend_begin(wh_engine *e)
-{
-	if (!e->w->opinions)
-		e->w->opinions = wh_alloc(e->c, 1, sizeof *e->w->opinions);
-	return e->w->opinions ? WH_OK : e->c->err.code;
-}
-
-void wh_blend_fan(const wh_engine *e)
-{
-	memset(e->w->opinions->asked, 0, sizeof e->w->opinions->asked);
-}
-
-bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i)
-{
-	bool *asked = &e->w->opinions->asked[i];
-	if (*asked)
-		return false;
-	*asked = true;
-	f->cost.at[i] += cost_of(e, hub, f, i);
-	return true;
 }
 
 static bool is_of_normal(const wh_attributes *as, uint32_t k)

@@ -8,6 +8,7 @@
  *     stretch.c        how far it moves the surface
  *     surgery.c        collapses that the link condition forbids, with a change of topology
  *     blend.c          the attributes of the vertex that a collapse makes
+ *     blend_cost.c     what they add to the costs of edges
  *     policy*.c        other costs and places than those of fan.c (policy.h)
  *     smooth.c         the result made smoother
  *     wedge.c          what faces and their corners carry: borders, and what happens along them
@@ -365,6 +366,11 @@ void wh_blend(const wh_engine *e, const wh_trial *t);
 /* The same, made of both ends alone: for collapses that are not worked out whole. */
 void wh_blend_ends(const wh_engine *e, wh_trial *t);
 
+/* Gives the vertex that stays the attributes of the end that it is put at, or is nearer to. */
+void wh_blend_take(const wh_engine *e, const wh_trial *t);
+
+/* ---- blend_cost.c ------------------------------------------------------------------------- */
+
 /* What attributes with weights add to costs: room for that, before the first fan; and the fan that
  * has just been evaluated, whose costs have nothing of it yet. */
 wh_code wh_blend_begin(wh_engine *e);
@@ -373,9 +379,6 @@ void wh_blend_fan(const wh_engine *e);
 /* Adds to the cost of the fan's edge i how far attributes would be off after its collapse. False
  * when that was done before. */
 bool wh_blend_weigh(const wh_engine *e, uint32_t hub, wh_fan *f, uint32_t i);
-
-/* Gives the vertex that stays the attributes of the end that it is put at, or is nearer to. */
-void wh_blend_take(const wh_engine *e, const wh_trial *t);
 
 /* ---- policy.c ----------------------------------------------------------------------------- */
 

@@ -448,33 +448,9 @@ const wh_attribute *wh_attributes_find(const wh_attributes *a, int prop)
 
 /* ---- values ------------------------------------------------------------------------------- */
 
-enum { FIXED_ONE = 256 };
-
 static double clamp(double v, double lo, double hi)
 {
 	return v < lo ? lo : v > hi ? hi : v;
-}
-
-double wh_attribute_get(const wh_attribute *a, const uint8_t *record)
-{
-	const uint8_t *at = record + a->at;
-	uint16_t u;
-	float f;
-	double d;
-	switch (a->form) {
-	case WH_FORM_FIXED:
-		memcpy(&u, at, sizeof u);
-		return (a->type == WH_I8 ? (double)(int16_t)u : (double)u) / FIXED_ONE;
-	case WH_FORM_FLOAT:
-		memcpy(&f, at, sizeof f);
-		return (double)f;
-	case WH_FORM_DOUBLE:
-		memcpy(&d, at, sizeof d);
-		return d;
-	case WH_FORM_WHOLE:
-		break;
-	}
-	return wh_load_real(at, a->type, false);
 }
 
 /* The least and the greatest value of a whole type. */
@@ -534,8 +510,8 @@ void wh_attribute_set(const wh_attribute *a, uint8_t *record, double v)
 	switch (a->form) {
 	case WH_FORM_FIXED:
 		range_of(a->type, &lo, &hi);
-		keep_low(at, (uint64_t)(int64_t)rint(clamp(isnan(v) ? 0 : v, lo, hi) * FIXED_ONE),
-		         2);
+		keep_low(
+		    at, (uint64_t)(int64_t)rint(clamp(isnan(v) ? 0 : v, lo, hi) * WH_FIXED_ONE), 2);
 		break;
 	case WH_FORM_FLOAT:
 		f = (float)v;

@@ -33,6 +33,8 @@
 
 #include "io/ply_value.h"
 
+#include <string.h>
+
 typedef enum wh_kind {
 	WH_KIND_COLOUR,
 	WH_KIND_NORMAL,
@@ -143,8 +145,30 @@ static inline uint32_t wh_attribute_bytes(const wh_attribute *a)
 /* The value of a colour at its brightest: the greatest whole number of its type, or 1. */
 double wh_type_white(wh_type type);
 
+enum { WH_FIXED_ONE = 256 }; /* 1 in the fixed form */
+
 /* The value in a record as a number; 64-bit labels lose digits. */
-double wh_attribute_get(const wh_attribute *a, const uint8_t *record);
+static inline double wh_attribute_get(const wh_attribute *a, const uint8_t *record)
+{
+	const uint8_t *at = record + a->at;
+	uint16_t u;
+	float f;
+	double d;
+	switch (a->form) {
+	case WH_FORM_FIXED:
+		memcpy(&u, at, sizeof u);
+		return (a->type == WH_I8 ? (double)(int16_t)u : (double)u) / WH_FIXED_ONE;
+	case WH_FORM_FLOAT:
+		memcpy(&f, at, sizeof f);
+		return (double)f;
+	case WH_FORM_DOUBLE:
+		memcpy(&d, at, sizeof d);
+		return d;
+	case WH_FORM_WHOLE:
+		break;
+	}
+	return wh_load_real(at, a->type, false);
+}
 
 /* The value of a colour as a share of the brightest, in 0 .. 1: of whole numbers as rounded to
  * their type. */

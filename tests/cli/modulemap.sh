@@ -65,7 +65,7 @@ family() {
 	local name=${1##*/}
 	name=${name%%.*}
 	case $name in
-	queue | star | fan | trial | stretch | surgery | blend | wedge | policy*) echo simplify ;;
+	queue | star | fan | trial | stretch | surgery | blend* | wedge | policy*) echo simplify ;;
 	*) echo "${name%%_*}" ;;
 	esac
 }
