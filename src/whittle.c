@@ -259,7 +259,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 {
 	*report = (wh_reduce_report){0};
 	c->err = (wh_error){0};
-	if (sensible(c, params) != WH_OK)
+	if (wh_run_needs_files(c, params) != WH_OK || sensible(c, params) != WH_OK)
 		return c->err.code;
 	wh_run r = {.c = c,
 	            .start = wh_seconds(),
@@ -362,6 +362,8 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 {
 	*report = (wh_plan_report){0};
 	c->err = (wh_error){0};
+	if (!params->input)
+		return wh_fail(c, WH_E_USAGE, "no input is named");
 	if (sensible(c, params) != WH_OK)
 		return c->err.code;
 	wh_reduce_report counts = {0};

@@ -2,8 +2,20 @@
  * whittle: reduces triangle meshes larger than memory. The public interface of libwhittle.
  *
  * Calls return a wh_code; the context keeps the first failure as a sentence for the user
- * (base/status.h). The library never prints, never exits and keeps no mutable globals. One
- * context may be used by one thread at a time.
+ * (base/status.h), which names remedies as the command's options: --memory is params->memory, and
+ * so on. The library never prints, never exits and keeps no mutable globals. One call at a time may
+ * use an account of memory (wh_mem), and so the contexts that share it:
+ *
+ *     wh_mem memory = {0};
+ *     wh_ctx context = {.mem = &memory};
+ *     wh_reduce_params params;
+ *     wh_reduce_report report;
+ *     wh_reduce_defaults(&params);
+ *     params.input = "scan.ply";
+ *     params.output = "small.ply";
+ *     params.faces = 1000000;
+ *     if (wh_reduce(&context, &params, &report) != WH_OK)
+ *             fprintf(stderr, "%s\n", context.err.text);
  */
 #ifndef WHITTLE_H
 #define WHITTLE_H
@@ -244,7 +256,7 @@ typedef struct wh_reduce_report {
 	uint64_t clusters, cut_vertices; /* of the first partition */
 	uint64_t windows; /* in which it went through the vertices; 1: memory held a table of all */
 	uint64_t rounds;
-	uint64_t never_free_vertices; /* of the output: on a cut in every round */
+	uint64_t never_free_vertices; /* of the output: on a cut in every round; 65536: or more */
 	int threads;
 	size_t memory_ceiling, memory_peak; /* peak: whittle's own account */
 	uint64_t temp_bytes_peak, bytes_read, bytes_written;
@@ -279,13 +291,19 @@ typedef struct wh_plan_report {
 wh_reduce_params wh_reduce_defaults(void);
 
 /*
- * Reduces a mesh. WH_OK, or WH_E_TARGET when the target could not be reached and the best mesh
- * was written; the report is filled in both cases. On any other failure no output appears (save
- * perhaps the seams, where it is the output's last step that fails) and
- * nothing temporary is left but what params->run_dir keeps. A resumed run fails with WH_E_USAGE
- * when other parameters are given, and with WH_E_INPUT when the input is another one. c->mem->limit
- * is set from params->memory for the time of the call. A stage before the end leaves with WH_OK and
- * report->paused. One that comes too early fails with WH_E_RUN, and tells what is missing.
+ * Reduces a mesh. c->mem->limit is set from params->memory for the time of the call.
+ *
+ *     WH_OK           done; a stage before the end leaves so, too, with report->paused
+ *     WH_E_TARGET     the target could not be reached; the best mesh was written
+ *     WH_E_USAGE      parameters that make no sense; a resumed run with others than before
+ *     WH_E_INPUT      the input cannot be read, is damaged, or is not the resumed run's
+ *     WH_E_PLAN       the ceiling, or a disk, is foreseen to be too small
+ *     WH_E_RUN        a disk is full or fails; a stage that came too early, and what it misses
+ *     WH_E_INTERRUPT  the poll of the context asked to end
+ *
+ * The report is filled with the first two. With the others no output appears under its name, save
+ * levels that were whole before, and perhaps the seams, where it is the output's last step that
+ * fails; and nothing temporary is left but what params->run_dir keeps.
  */
 wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *report);
 

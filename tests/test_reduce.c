@@ -465,6 +465,26 @@ static void without_a_target_nothing_is_done(void **state)
 	drop(&f);
 }
 
+static void files_have_to_be_named(void **state)
+{
+	(void)state;
+	fixture f;
+	const wh_synth_params p = surface(WH_SYNTH_SPHERE, 1000);
+	make(&f, &p);
+	for (int missing = 0; missing < 2; missing++) {
+		wh_reduce_params params = f.params;
+		wh_plan_report plan;
+		params.faces = 100;
+		*(missing ? &params.output : &params.input) = NULL;
+		assert_int_equal(wh_reduce(&f.t.ctx, &params, &f.report), WH_E_USAGE);
+		assert_int_equal(wh_reduce_mpi(&f.t.ctx, &params, &f.report), WH_E_USAGE);
+		assert_int_equal(wh_plan_reduce(&f.t.ctx, &params, &plan),
+		                 missing ? WH_OK : WH_E_USAGE);
+	}
+	nothing_is_left(&f);
+	drop(&f);
+}
+
 /* ---- what clusters cost ---- */
 
 static double rms_of(fixture *f, uint64_t cluster_faces)
@@ -567,6 +587,7 @@ int main(void)
 	    cmocka_unit_test(a_locked_boundary_stays_to_the_bit),
 	    cmocka_unit_test(a_small_ceiling_is_refused_with_one_that_does),
 	    cmocka_unit_test(without_a_target_nothing_is_done),
+	    cmocka_unit_test(files_have_to_be_named),
 	    cmocka_unit_test(clusters_cost_no_quality_on_a_scan),
 	    cmocka_unit_test(clusters_share_faces_by_error_and_not_by_area),
 	};

@@ -10,7 +10,6 @@
  *     blend.c          the attributes of the vertex that a collapse makes
  *     blend_cost.c     what they add to the costs of edges
  *     policy*.c        other costs and places than those of fan.c (policy.h)
- *     smooth.c         the result made smoother
  *     wedge.c          what faces and their corners carry: borders, and what happens along them
  */
 #ifndef WH_ALGO_SIMPLIFY_ENGINE_H
@@ -365,6 +364,10 @@ bool wh_shell_find(const wh_engine *e, uint32_t v, wh_shell *s);
 void wh_blend(const wh_engine *e, const wh_trial *t);
 /* The same, made of both ends alone: for collapses that are not worked out whole. */
 void wh_blend_ends(const wh_engine *e, wh_trial *t);
+/* The same for a corner: `record` are those of the vertex that stays, of the one that goes and of
+ * the new neighbours; what the surface has in the new place goes to `to`. */
+void wh_blend_corner(const wh_trial *t, const struct wh_attributes *as,
+                     const uint8_t *const *record, uint8_t *to);
 
 /* Gives the vertex that stays the attributes of the end that it is put at, or is nearer to. */
 void wh_blend_take(const wh_engine *e, const wh_trial *t);
@@ -399,10 +402,6 @@ void wh_policy_merge(wh_engine *e, const wh_trial *t);
 
 /* True when a collapse may change the costs of more edges than those of the new vertex. */
 bool wh_policy_is_wide(const wh_engine *e);
-/* The same for a corner: `record` are those of the vertex that stays, of the one that goes and of
- * the new neighbours; what the surface has in the new place goes to `to`. */
-void wh_blend_corner(const wh_trial *t, const struct wh_attributes *as,
-                     const uint8_t *const *record, uint8_t *to);
 
 /* ---- wedge.c ------------------------------------------------------------------------------ */
 

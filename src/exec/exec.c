@@ -78,9 +78,9 @@ static int startable(int workers)
 {
 	if (workers <= 1)
 		return 1;
-	int n = workers + workers / 2;
-	if (n > TRIAL_MOST)
-		n = TRIAL_MOST;
+	if (workers > TRIAL_MOST * 2 / 3) /* more could not be tried */
+		workers = TRIAL_MOST * 2 / 3;
+	const int n = workers + workers / 2;
 	const int started = start_for_trial(n);
 	const int safe = 1 + started * 2 / 3;
 	return started == n || safe > workers ? workers : safe;

@@ -439,6 +439,12 @@ wh_code wh_mesh_begin(wh_ctx *c, wh_mesh_out *m, wh_outfile *out, wh_ply_style s
                       uint64_t nf, const wh_mesh_box *box)
 {
 	*m = (wh_mesh_out){.out = out, .style = style};
+	if (nv > UINT32_MAX && (style.format == WH_FORMAT_OBJ || style.format == WH_FORMAT_OFF))
+		return wh_fail(c, WH_E_USAGE,
+		               "%" PRIu64
+		               " vertices are too many to be numbered in 32 bits; reduce "
+		               "to fewer than 4294967296",
+		               nv);
 	switch (style.format) {
 	case WH_FORMAT_OBJ:
 		return obj_begin(c, m);

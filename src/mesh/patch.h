@@ -21,6 +21,11 @@ enum {
 	WH_LOCKED = WH_CUT | WH_FIXED | WH_HUB
 };
 
+/* Counts that a patch may have: corners are numbered by 32 bits, and the queue of a reduction keeps
+ * one of them for itself. */
+#define WH_PATCH_MOST_VERTICES ((uint32_t)INT32_MAX)
+#define WH_PATCH_MOST_FACES (UINT32_MAX / 3 - 1)
+
 typedef struct wh_patch {
 	uint32_t nv, nf;
 	uint32_t cap_v, cap_f; /* room in the arrays below */

@@ -3,6 +3,7 @@
 #include "pipeline/atlas.h"
 
 #include <stdlib.h>
+#include <inttypes.h>
 #include <string.h>
 
 size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes,
@@ -97,11 +98,12 @@ static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
 		nv += v;
 		nf += f;
 	}
-	if (nv >= UINT32_MAX || nf >= UINT32_MAX / 3)
-		return wh_fail(
-		    c, WH_E_PLAN,
-		    "the last pass would hold %llu faces, more than 1.4 G: ask for fewer",
-		    (unsigned long long)nf);
+	if (nv > WH_PATCH_MOST_VERTICES || nf > WH_PATCH_MOST_FACES)
+		return wh_fail(c, WH_E_PLAN,
+		               "the last pass would hold %llu vertices and %llu faces, more than "
+		               "%" PRIu32 " or %" PRIu32 ": ask for fewer",
+		               (unsigned long long)nv, (unsigned long long)nf,
+		               WH_PATCH_MOST_VERTICES, WH_PATCH_MOST_FACES);
 	p->attr_bytes = store->attr_bytes;
 	p->face_bytes = store->face_bytes;
 	if (wh_patch_reset(c, p, (uint32_t)nv, (uint32_t)nf) != WH_OK)

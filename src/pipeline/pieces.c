@@ -312,7 +312,7 @@ wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_
 {
 	if (wh_pieces_counts(c, s, cluster, faces, vertices) != WH_OK)
 		return c->err.code;
-	if (*faces >= UINT32_MAX / 3 || *vertices >= UINT32_MAX)
+	if (*faces > WH_PATCH_MOST_FACES || *vertices > WH_PATCH_MOST_VERTICES)
 		return wh_fail(c, WH_E_RUN, "%s: cluster %u is damaged", s->spill->dir, cluster);
 	const size_t nf = (size_t)*faces * wh_store_face_bytes(s);
 	const size_t nv = (size_t)*vertices * wh_store_vertex_bytes(s);

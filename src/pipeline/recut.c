@@ -57,6 +57,7 @@ typedef struct recut {
 	size_t avoids, avoid_cap;
 	uint64_t *still; /* ids of those that are cut again */
 	size_t stills, still_cap;
+	bool many_still;
 	uint64_t stride, passed; /* every stride-th vertex is in the sample */
 	uint64_t ids;            /* all are below */
 	wh_visits visits;        /* of old cut vertices, in new clusters */
@@ -366,12 +367,19 @@ static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	return WH_OK;
 }
 
-/* Lists the vertices that never were free and are not now; several clusters may list one. */
+/* Lists the vertices that never were free and are not now; several clusters may list one. Once
+ * there are many, each counted once, the list is not gone on with. */
 static wh_code note_still(wh_ctx *c, recut *r, const wh_patch *p)
 {
-	for (uint32_t v = 0; v < p->nv && r->stills < NEVERS; v++) {
+	for (uint32_t v = 0; v < p->nv; v++) {
 		if (!(p->flag[v] & WH_NEVER))
 			continue;
+		if (r->stills == 2 * NEVERS) {
+			r->stills = wh_sort_unique(r->still, r->stills);
+			r->many_still = r->stills >= NEVERS;
+		}
+		if (r->many_still)
+			return WH_OK;
 		if (wh_reserve(c, &r->still, &r->still_cap, r->stills + 1, sizeof *r->still) !=
 		    WH_OK)
 			return c->err.code;
@@ -522,7 +530,8 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 		code = r.hands ? build_tree(c, ex, &r, vertices) : wh_failed(c);
 	if (code == WH_OK)
 		code = distribute(c, ex, &r, params->buffer);
-	*never_free = wh_sort_unique(r.still, r.stills);
+	const size_t stills = wh_sort_unique(r.still, r.stills);
+	*never_free = stills < NEVERS ? stills : NEVERS;
 	wh_dispatch_drop(c, &r.out);
 	wh_visits_close(c, &r.visits);
 	if (r.answer_fd >= 0)

@@ -47,7 +47,7 @@ typedef struct wh_recut_params {
 /*
  * Cuts the mesh of `from` into `to->clusters` other clusters. Local corners become global ids;
  * vertices that only one new cluster uses are free again. *never_free: those that were cut in
- * every round so far, and are in the next one (65536 may be more of them).
+ * every round so far, and are in the next one; 65536 of them may be more.
  */
 wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
                        wh_store *to, const wh_recut_params *params, uint64_t *never_free);

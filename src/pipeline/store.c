@@ -268,7 +268,7 @@ static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *nam
 	    h->id_bytes != s->id_bytes || h->coord_bytes != s->coord_bytes ||
 	    h->vertex_payload != s->vertex_payload || h->attr_bytes != s->attr_bytes ||
 	    h->face_bytes != s->face_bytes || h->local_corners != s->local_corners ||
-	    h->zero != 0 || h->faces >= UINT32_MAX / 3 || h->vertices >= UINT32_MAX)
+	    h->zero != 0 || h->faces > WH_PATCH_MOST_FACES || h->vertices > WH_PATCH_MOST_VERTICES)
 		return damaged(c, s, name);
 	return WH_OK;
 }

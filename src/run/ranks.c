@@ -31,6 +31,7 @@ typedef struct job {
 	wh_reduce_params params; /* of this rank */
 	wh_reduce_report *report;
 	wh_phase_report phase[WH_PHASES]; /* of the parts that this rank has done */
+	size_t memory_peak;               /* of its stages */
 } job;
 
 int wh_mpi_processes(void)
@@ -55,6 +56,8 @@ static void add_phases(wh_phase_report *sum, const wh_phase_report *one)
 		sum[i].busy += one[i].busy;
 		sum[i].bytes_read += one[i].bytes_read;
 		sum[i].bytes_written += one[i].bytes_written;
+		if (one[i].memory_peak > sum[i].memory_peak)
+			sum[i].memory_peak = one[i].memory_peak;
 		for (int k = 0; k < WH_SCALING; k++)
 			sum[i].model[k] += one[i].model[k];
 	}
@@ -84,6 +87,8 @@ static wh_code do_stage(job *j, wh_stage stage, uint32_t round)
 	p.round = round;
 	p.resume = p.resume || stage != WH_STAGE_PLAN;
 	const wh_code code = wh_reduce(j->c, &p, j->report);
+	if (j->report->memory_peak > j->memory_peak)
+		j->memory_peak = j->report->memory_peak;
 	if (is_part(stage))
 		add_phases(j->phase, j->report->phase);
 	return code;
@@ -169,6 +174,8 @@ wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_repor
 	const double start = wh_seconds();
 	job j = {.c = c, .params = *params, .report = report};
 	*report = (wh_reduce_report){0};
+	if (wh_run_needs_files(c, params) != WH_OK)
+		return c->err.code;
 	char *dir = params->run_dir ? NULL : run_dir_of(c, params);
 	if (dir)
 		j.params.run_dir = dir;
@@ -178,6 +185,8 @@ wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_repor
 		code = all_stages(&j);
 	}
 	add_phases(report->phase, j.phase);
+	if (j.memory_peak > report->memory_peak)
+		report->memory_peak = j.memory_peak;
 	report->seconds_total = wh_seconds() - start;
 	report->ranks = j.ranks.size;
 	report->threads = j.params.threads;

@@ -11,6 +11,13 @@ _Static_assert((int)WH_SCALING == (int)WH_EXEC_POWERS, "the report holds what ex
 /* Below it smaller clusters are no advice to give. */
 enum { SMALL_CLUSTER = 64 * 1024 };
 
+wh_code wh_run_needs_files(wh_ctx *c, const wh_reduce_params *p)
+{
+	if (!p->input || !p->output)
+		return wh_fail(c, WH_E_USAGE, "no %s is named", p->input ? "output" : "input");
+	return WH_OK;
+}
+
 static uint64_t bytes_read(wh_run *r)
 {
 	return r->report->bytes_read + atomic_load(&r->spill.bytes_read);

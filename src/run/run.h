@@ -99,6 +99,8 @@ wh_code wh_run_too_small(wh_run *r, const char *what, size_t need);
  * hold is an upper bound, and the account refuses what the ceiling really cannot bear. */
 wh_exec wh_run_workers(const wh_run *r, size_t each);
 
+/* Refuses parameters without an input or an output. */
+wh_code wh_run_needs_files(wh_ctx *c, const wh_reduce_params *p);
 /* Counts of faces and vertices that the aim is to reach, into the report. */
 void wh_run_targets(wh_run *r);
 /* The distance that the aim allows. */
