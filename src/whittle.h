@@ -230,6 +230,8 @@ typedef struct wh_reduce_report {
 	uint64_t collapses; /* of a progressive mesh */
 	uint64_t boundary_edges, nonmanifold_edges, components, boundary_loops;
 	uint64_t misoriented_edges, nonmanifold_vertices;
+	uint64_t output_duplicate_faces, output_zero_area_faces,
+	    folded_edges; /* as mesh/check.h has them */
 	int64_t euler;
 	char checksum[33]; /* XXH3-128 of the output's bytes, hexadecimal */
 	bool checked;      /* the edges, components, loops and Euler characteristic are known: a

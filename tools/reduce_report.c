@@ -125,6 +125,9 @@ static void put_output(json_t *root, const wh_reduce_params *p, const wh_reduce_
 	put_count(o, "nonmanifold_edges", r->nonmanifold_edges);
 	put_count(o, "nonmanifold_vertices", r->nonmanifold_vertices);
 	put_count(o, "misoriented_edges", r->misoriented_edges);
+	put_count(o, "duplicate_faces", r->output_duplicate_faces);
+	put_count(o, "zero_area_faces", r->output_zero_area_faces);
+	put_count(o, "folded_edges", r->folded_edges);
 	put_count(o, "components", r->components);
 	(void)json_object_set_new(o, "euler_characteristic", json_integer(r->euler));
 }

@@ -290,6 +290,9 @@ void wh_run_note_check(wh_run *r, const wh_check *found)
 	t->nonmanifold_edges = found->nonmanifold_edges;
 	t->misoriented_edges = found->misoriented_edges;
 	t->nonmanifold_vertices = found->nonmanifold_vertices;
+	t->output_duplicate_faces = found->duplicate_faces;
+	t->output_zero_area_faces = found->zero_area_faces;
+	t->folded_edges = found->folded_edges;
 	t->components = found->components;
 	t->boundary_loops = found->boundary_loops;
 	t->euler = found->euler;

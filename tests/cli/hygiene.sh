@@ -118,17 +118,20 @@ awk 'BEGIN {
 		print "f", a, c, d
 	}
 	print "v 50 0 0\nv 50 1 0\nf 1 1682 1683"
+	print "v 60 0 0\nv 61 0 0\nv 62 0 0\nf 1684 1685 1686\nv 70 0 0\nv 71 0 0\nv 70 1 0\nf 1687 1688 1689\nf 1687 1688 1689"
 }' >turned.obj
 for way in "--threads 2" "--cluster-faces 1000 --final-faces 1000"; do
 	# shellcheck disable=SC2086
 	expect 0 "$WHITTLE" reduce turned.obj -q -f -o out.ply --faces 3100 --report report $way
-	for key in misoriented_edges nonmanifold_vertices nonmanifold_edges; do
+	for key in misoriented_edges nonmanifold_vertices nonmanifold_edges duplicate_faces zero_area_faces folded_edges; do
 		expect 0 "$WHITTLE" check --no-progress --json out.ply
-		[ "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" out)" = "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" report)" ] ||
+		[ "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" out)" = "$(sed -n "s/.*\"$key\": \([0-9]*\).*/\1/p" report | tail -1)" ] ||
 			fail "$way: $key of the report: $(grep $key out report)"
 	done
-	grep -q '"misoriented_edges": [1-3]' report || fail "$way: no face is turned: $(grep misor report)"
+	grep -q '"misoriented_edges": [4-6]' report || fail "$way: no face is turned: $(grep misor report)"
 	grep -q '"nonmanifold_vertices": 1' report || fail "$way: no vertex of two sheets"
+	grep -q '"duplicate_faces": 1,' report || fail "$way: no face is there twice"
+	grep -q '"zero_area_faces": 1,' report || fail "$way: no face without area"
 done
 
 # what faces and corners carry stays with them, past those that go: texture coordinates are places, materials sides
