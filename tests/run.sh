@@ -13,10 +13,11 @@ builds=(release release-clang debug tsan plain)
 
 # What runs in a build that does not run everything: tests in which threads meet, and tests
 # that show the command whole without threads and hwloc.
-threads='exec|bvh|test_compare|ingest|inspect|reduce|round|ply_body|ply_source|synth|store|generate|check$'
+threads='exec|bvh|test_compare|ingest|inspect|reduce|round|ply_body|ply_source|synth|store|check$'
 plain='cli_(reduce|check|generate|report)$'
-# Sanitizers: all but what has no code of ours in it, or asks for memory as it is without them.
-debug='test_|cli_(attributes|check|compare|formats|generate|hygiene|offset|reduce|render|resume|stages|texture|topology)'
+# Sanitizers: all but what has no code of ours in it, asks for memory as it is without them, or is
+# long and has its parts in other tests.
+debug='test_|cli_(attributes|check|compare|formats|hygiene|offset|reduce|render|resume|stages|topology)'
 # Another compiler: what computes. The command around it is the same C in both.
 clang='test_|cli_(reduce|check|generate|topology|offset|modulemap|install)'
 

@@ -374,7 +374,7 @@ static wh_code note_still(wh_ctx *c, recut *r, const wh_patch *p)
 	for (uint32_t v = 0; v < p->nv; v++) {
 		if (!(p->flag[v] & WH_NEVER))
 			continue;
-		if (r->stills == 2 * NEVERS) {
+		if (r->stills == (size_t)2 * NEVERS) {
 			r->stills = wh_sort_unique(r->still, r->stills);
 			r->many_still = r->stills >= NEVERS;
 		}
