@@ -8,9 +8,8 @@
  *
  *     wh_mem memory = {0};
  *     wh_ctx context = {.mem = &memory};
- *     wh_reduce_params params;
+ *     wh_reduce_params params = wh_reduce_defaults();
  *     wh_reduce_report report;
- *     wh_reduce_defaults(&params);
  *     params.input = "scan.ply";
  *     params.output = "small.ply";
  *     params.faces = 1000000;

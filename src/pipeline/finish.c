@@ -2,8 +2,8 @@
 
 #include "pipeline/atlas.h"
 
-#include <stdlib.h>
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
 size_t wh_finish_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes,
