@@ -293,9 +293,7 @@ wh_code wh_reduce(wh_ctx *c, const wh_reduce_params *params, wh_reduce_report *r
 	report->memory_peak = atomic_load(&c->mem->peak);
 	report->temp_bytes_peak = atomic_load(&r.spill.peak);
 	report->bytes_read += atomic_load(&r.spill.bytes_read);
-	report->bytes_written = atomic_load(&r.spill.bytes_written) + report->output_bytes;
-	for (size_t i = 0; i < params->levels; i++)
-		report->bytes_written += report->level[i].bytes;
+	report->bytes_written = wh_run_bytes_written(&r);
 	wh_patch_free(c, &r.patch);
 	wh_sequence_free(c, &r.sequence);
 	const bool wedged = r.input.wedges.bytes > 0;

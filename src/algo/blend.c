@@ -59,8 +59,7 @@ static void begin(const wh_trial *t, mix *m)
 
 static corner in_ring(const wh_trial *t, uint32_t i)
 {
-	return (corner){RING + (i < t->n ? i : 0),
-	                wh_v3(t->at.x.at[i], t->at.y.at[i], t->at.z.at[i])};
+	return (corner){RING + (i < t->n ? i : 0), wh_rows3_at(&t->at, i)};
 }
 
 /* Adds what a face says of place x: the weights of its corners there, times its area. */

@@ -53,11 +53,6 @@ typedef struct wh_opinions {
 	row value;    /* of the attribute at hand, less the base */
 } wh_opinions;
 
-static double of_lanes(const double v[WH_LANES])
-{
-	return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
-}
-
 /* A place behind the last face of an end, in a lane of its own. */
 static uint32_t behind(const round_end *r)
 {
@@ -151,7 +146,7 @@ WH_VECTOR_CLONES static sums add_up(const wh_opinions *restrict o, size_t middle
 			value2[lane] += wv * v;
 		}
 	}
-	return (sums){of_lanes(value), of_lanes(value2)};
+	return (sums){wh_sum_lanes(value), wh_sum_lanes(value2)};
 }
 
 /* Mean square, times the weights, of what the faces say less what the value will be: their mean, or
@@ -187,7 +182,7 @@ static double label_cost(const wh_attribute *a, const wh_opinions *o, const uint
 static void gather_edge(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
 {
 	wh_opinions *o = e->w->opinions;
-	const wh_vec3 x = wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]);
+	const wh_vec3 x = wh_rows3_at(&f->place, i);
 	const wh_vec3 origin = e->w->star[hub].pos;
 	if (!o->has_hub)
 		gather(e, origin, hub, WH_NONE, 0, &o->hub);
@@ -208,8 +203,8 @@ static void gather_edge(const wh_engine *e, uint32_t hub, const wh_fan *f, uint3
 static double cost_of(const wh_engine *e, uint32_t hub, const wh_fan *f, uint32_t i)
 {
 	const wh_attributes *as = e->params->attributes;
-	const wh_vec3 x = wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]);
-	const wh_vec3 edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
+	const wh_vec3 x = wh_rows3_at(&f->place, i);
+	const wh_vec3 edge = wh_rows3_at(&f->to, i);
 	const uint8_t *ours = wh_patch_attr(e->p, hub), *theirs = wh_patch_attr(e->p, f->id[i]);
 	const bool locked = wh_is_locked(e, f->id[i]);
 	const bool nearer = !locked && 2 * wh_dot(x, edge) <= wh_norm2(edge);

@@ -371,11 +371,6 @@ typedef struct symmetric {
 	double xx, xy, xz, yy, yz, zz;
 } symmetric;
 
-INLINE wh_vec3 at_lane(const wh_rows3 *r, size_t i)
-{
-	return wh_v3(r->x.at[i], r->y.at[i], r->z.at[i]);
-}
-
 INLINE wh_vec3 times(symmetric m, wh_vec3 d)
 {
 	return wh_v3(m.xx * d.x + m.xy * d.y + m.xz * d.z, m.xy * d.x + m.yy * d.y + m.yz * d.z,
@@ -443,8 +438,8 @@ WH_VECTOR_CLONES static void evaluate(wh_fan *restrict f, const wh_vertex_sum *r
 	for (size_t block = 0; block < n; block += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
 			const size_t i = block + lane;
-			const wh_vec3 e = at_lane(&f->to, i), m = at_lane(&f->m, i);
-			const wh_vec3 p = at_lane(&f->before, i), q = at_lane(&f->after, i);
+			const wh_vec3 e = wh_rows3_at(&f->to, i), m = wh_rows3_at(&f->m, i);
+			const wh_vec3 p = wh_rows3_at(&f->before, i), q = wh_rows3_at(&f->after, i);
 			const symmetric b = {f->xx.at[i], f->xy.at[i], f->xz.at[i],
 			                     f->yy.at[i], f->yz.at[i], f->zz.at[i]};
 			const double len2 = wh_norm2(e);
@@ -489,7 +484,7 @@ WH_VECTOR_CLONES static void cost_of_moving(const wh_rows3 *restrict to, size_t 
 	const double tie = length_tie * (a.xx + a.yy + a.zz);
 	for (size_t b = 0; b < n; b += WH_LANES)
 		for (size_t lane = 0; lane < WH_LANES; lane++) {
-			const wh_vec3 d = at_lane(to, b + lane);
+			const wh_vec3 d = wh_rows3_at(to, b + lane);
 			const double moved = form(a, d);
 			cost[b + lane] = (moved > 0 ? moved : 0.0) + tie * wh_norm2(d);
 		}

@@ -129,9 +129,7 @@ static uint32_t places(const wh_edge *d, wh_vec3 at[MOST_PLACES])
 		at[1] = d->to;
 		return 2;
 	default:
-		at[0] = d->e->policy->best
-		            ? d->e->policy->best(d)
-		            : wh_v3(f->place.x.at[d->i], f->place.y.at[d->i], f->place.z.at[d->i]);
+		at[0] = d->e->policy->best ? d->e->policy->best(d) : wh_rows3_at(&f->place, d->i);
 		return 1;
 	}
 }
@@ -175,7 +173,7 @@ void wh_policy_evaluate(const wh_engine *e, uint32_t hub, wh_fan *f)
 		                   .i = i,
 		                   .hub = hub,
 		                   .other = f->id[i],
-		                   .to = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]),
+		                   .to = wh_rows3_at(&f->to, i),
 		                   .rim = f->rim.at[i] > 0,
 		                   .locked = f->locked.at[i] > 0};
 		if (isinf(f->bar.at[i]))

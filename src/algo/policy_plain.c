@@ -29,7 +29,7 @@ static double trace(const wh_vertex_sum *a)
 /* Of a shared face, which both ends count: its part in the cost, and in the weight. */
 static double shared_cost(const wh_rows3 *face, uint32_t i, wh_vec3 x, double *weight)
 {
-	const wh_vec3 n = wh_v3(face->x.at[i], face->y.at[i], face->z.at[i]);
+	const wh_vec3 n = wh_rows3_at(face, i);
 	const double n2 = wh_norm2(n), w = wh_face_weight(n2), h = wh_dot(n, x);
 	*weight -= w * n2;
 	return w * h * h;

@@ -62,6 +62,18 @@ typedef struct wh_rows3 {
 	wh_row x, y, z;
 } wh_rows3;
 
+/* Loops over lanes become vectors only where it is part of them. */
+static inline __attribute__((always_inline)) wh_vec3 wh_rows3_at(const wh_rows3 *r, size_t i)
+{
+	return wh_v3(r->x.at[i], r->y.at[i], r->z.at[i]);
+}
+
+/* The sum of all lanes, in an order that halves of vectors have. */
+static inline double wh_sum_lanes(const double v[WH_LANES])
+{
+	return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
+}
+
 /* The star of a vertex, the hub, taken out. Positions are relative to the hub. */
 typedef struct wh_fan {
 	uint32_t n;

@@ -37,11 +37,6 @@ static void put(wh_rows3 *r, size_t i, wh_vec3 v)
 	r->z.at[i] = v.z;
 }
 
-static wh_vec3 get(const wh_rows3 *r, size_t i)
-{
-	return wh_v3(r->x.at[i], r->y.at[i], r->z.at[i]);
-}
-
 static void add_face(surface *s, wh_vec3 a, wh_vec3 b, wh_vec3 c)
 {
 	put(&s->a, s->n, a);
@@ -165,12 +160,12 @@ static void gather(const wh_engine *e, const wh_trial *t, bool after, surface *s
 {
 	s->n = 0;
 	for (uint32_t i = 0; i < t->faces; i++)
-		add_face(s, tip(t, i, after), get(&t->at, i), get(&t->at, i + 1));
+		add_face(s, tip(t, i, after), wh_rows3_at(&t->at, i), wh_rows3_at(&t->at, i + 1));
 	const wh_vec3 hub = e->w->star[t->into_locked ? t->u : t->v].pos;
 	for (uint32_t i = 0; !after && i < t->nshared; i++)
 		add_face(s, wh_v3(0, 0, 0), t->edge, wh_sub(e->w->star[t->apex[i]].pos, hub));
 	while (s->n % WH_LANES) /* a face that is there twice changes nothing */
-		add_face(s, get(&s->a, 0), get(&s->b, 0), get(&s->c, 0));
+		add_face(s, wh_rows3_at(&s->a, 0), wh_rows3_at(&s->b, 0), wh_rows3_at(&s->c, 0));
 	prepare(s);
 }
 
@@ -196,7 +191,7 @@ double wh_trial_distance(const wh_engine *e, const wh_trial *t)
 	if (!t->into_locked)
 		stretch_to(&before, t->to, &s);
 	for (uint32_t i = 0; i < t->n; i++) {
-		const wh_vec3 q = get(&t->at, i);
+		const wh_vec3 q = wh_rows3_at(&t->at, i);
 		const uint32_t last = i ? i - 1 : t->n - 1;
 		stretch_to(&before, wh_scale(wh_add(q, t->to), 0.5), &s);
 		if (i < t->faces)

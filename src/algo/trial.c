@@ -201,7 +201,7 @@ static wh_vec3 new_position(const wh_engine *e, wh_vec3 hub, wh_vec3 y, wh_vec3 
 static void note_shared(const wh_rows3 *face, uint32_t i, uint32_t apex, wh_trial *t)
 {
 	t->apex[t->nshared] = apex;
-	t->lost[t->nshared] = wh_v3(face->x.at[i], face->y.at[i], face->z.at[i]);
+	t->lost[t->nshared] = wh_rows3_at(face, i);
 	t->nshared++;
 }
 
@@ -228,15 +228,13 @@ bool wh_trial_make(const wh_engine *e, const wh_fan *f, uint32_t hub, uint32_t i
 	t->into_locked = o->flag & WH_LOCKED;
 	t->u = t->into_locked ? hub : f->id[i];
 	t->v = t->into_locked ? f->id[i] : hub;
-	t->edge = wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
+	t->edge = wh_rows3_at(&f->to, i);
 	t->cost = f->cost.at[i];
 	t->weight = f->weight.at[i];
 	/* also where it may go nowhere but to the other end (wedge.c) */
 	t->x = t->into_locked || f->locked.at[i] > 0 || is_at_other(e, f, i)
 	           ? o->pos
-	           : new_position(e, h->pos,
-	                          wh_v3(f->place.x.at[i], f->place.y.at[i], f->place.z.at[i]),
-	                          t->edge);
+	           : new_position(e, h->pos, wh_rows3_at(&f->place, i), t->edge);
 	t->to = wh_sub(t->x, h->pos);
 	find_shared(f, i, t);
 	t->n = 0;
@@ -306,7 +304,7 @@ WH_VECTOR_CLONES static double turn(wh_trial *restrict t, wh_vec3 mean)
 			t->fresh.y.at[i + 1] = in ? ny : 0.0;
 			t->fresh.z.at[i + 1] = in ? nz : 0.0;
 		}
-	return ((bad[0] + bad[4]) + (bad[2] + bad[6])) + ((bad[1] + bad[5]) + (bad[3] + bad[7]));
+	return wh_sum_lanes(bad);
 }
 
 /* Before the first neighbour of a closed ring there is the face behind the last. */

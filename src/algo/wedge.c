@@ -179,7 +179,7 @@ static bool border_through(const wh_engine *e, uint32_t v, uint32_t place[2])
 
 static wh_vec3 spoke(const wh_fan *f, uint32_t i)
 {
-	return wh_v3(f->to.x.at[i], f->to.y.at[i], f->to.z.at[i]);
+	return wh_rows3_at(&f->to, i);
 }
 
 /* How far the texture is off, squared and in units of length, where the hub, `was`, is left out

@@ -63,11 +63,6 @@ static void add_phases(wh_phase_report *sum, const wh_phase_report *one)
 	}
 }
 
-static bool is_part(wh_stage stage)
-{
-	return stage == WH_STAGE_INGEST || stage == WH_STAGE_DECIMATE;
-}
-
 /* While a rank works alone, those of its machine sleep: their cores are its own, as far as the
  * launcher has not bound it to fewer. */
 static int threads_alone(const job *j)
@@ -81,7 +76,7 @@ static int threads_alone(const job *j)
 static wh_code do_stage(job *j, wh_stage stage, uint32_t round)
 {
 	wh_reduce_params p = j->params;
-	if (!is_part(stage))
+	if (!wh_run_stage_has_parts(stage))
 		p.threads = threads_alone(j);
 	p.stage = stage;
 	p.round = round;
@@ -89,7 +84,7 @@ static wh_code do_stage(job *j, wh_stage stage, uint32_t round)
 	const wh_code code = wh_reduce(j->c, &p, j->report);
 	if (j->report->memory_peak > j->memory_peak)
 		j->memory_peak = j->report->memory_peak;
-	if (is_part(stage))
+	if (wh_run_stage_has_parts(stage))
 		add_phases(j->phase, j->report->phase);
 	return code;
 }

@@ -23,7 +23,7 @@ static uint64_t bytes_read(wh_run *r)
 	return r->report->bytes_read + atomic_load(&r->spill.bytes_read);
 }
 
-static uint64_t bytes_written(wh_run *r)
+uint64_t wh_run_bytes_written(wh_run *r)
 {
 	uint64_t n = r->report->output_bytes + atomic_load(&r->spill.bytes_written);
 	for (size_t i = 0; i < r->params->levels; i++)
@@ -35,7 +35,7 @@ void wh_run_phase_begin(wh_run *r)
 {
 	r->stats = (wh_exec_stats){0};
 	r->phase_read = bytes_read(r);
-	r->phase_written = bytes_written(r);
+	r->phase_written = wh_run_bytes_written(r);
 	r->phase_start = wh_seconds();
 	atomic_store(&r->c->mem->high, atomic_load(&r->c->mem->used));
 }
@@ -50,7 +50,7 @@ wh_code wh_run_phase_end(wh_run *r, wh_phase phase, wh_code code)
 	for (int k = 0; k < WH_SCALING; k++)
 		p->model[k] += serial + r->stats.model[k];
 	p->bytes_read += bytes_read(r) - r->phase_read;
-	p->bytes_written += bytes_written(r) - r->phase_written;
+	p->bytes_written += wh_run_bytes_written(r) - r->phase_written;
 	const uint64_t high = atomic_load(&r->c->mem->high);
 	p->memory_peak = high > p->memory_peak ? high : p->memory_peak;
 	return code;

@@ -99,6 +99,8 @@ wh_code wh_run_too_small(wh_run *r, const char *what, size_t need);
  * hold is an upper bound, and the account refuses what the ceiling really cannot bear. */
 wh_exec wh_run_workers(const wh_run *r, size_t each);
 
+/* To the temporary folder and to outputs, so far. */
+uint64_t wh_run_bytes_written(wh_run *r);
 /* Refuses parameters without an input or an output. */
 wh_code wh_run_needs_files(wh_ctx *c, const wh_reduce_params *p);
 /* Counts of faces and vertices that the aim is to reach, into the report. */
@@ -224,6 +226,8 @@ enum { WH_PARTS_MOST = 65536 };
 wh_code wh_run_sensible_stage(wh_ctx *c, const wh_reduce_params *p);
 /* True for a process that does a part, and changes nothing of the run's state. */
 bool wh_run_is_part(const wh_run *r);
+/* True when several processes may be at a stage, each at a part of it. */
+bool wh_run_stage_has_parts(wh_stage stage);
 /* True when parts can ingest the input, which is open or was looked at. */
 bool wh_run_shares_input(const wh_run *r);
 /* The stages that come before, or instead of, those of whittle.c. These and the next ones fail with

@@ -31,9 +31,14 @@ typedef struct share_note {
 	uint64_t irregular; /* it holds faces that are not triangles: the pieces are empty */
 } share_note;
 
+bool wh_run_stage_has_parts(wh_stage stage)
+{
+	return stage == WH_STAGE_INGEST || stage == WH_STAGE_DECIMATE;
+}
+
 bool wh_run_is_part(const wh_run *r)
 {
-	return r->params->stage == WH_STAGE_INGEST || r->params->stage == WH_STAGE_DECIMATE;
+	return wh_run_stage_has_parts(r->params->stage);
 }
 
 static bool joins(const wh_run *r)
