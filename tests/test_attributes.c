@@ -565,6 +565,34 @@ static void labels_are_never_averaged(void **state)
 	}
 }
 
+/* Every tenth vertex, by chance, has a label of its own. */
+static double speckled(const char *name, uint32_t v)
+{
+	return name[0] == 'l' ? (v * 2654435761u >> 16) % 10 == 0 : scanned(name, v);
+}
+
+static void labels_go_by_majority(void **state)
+{
+	(void)state;
+	for (int streamed = 0; streamed <= 1; streamed++) {
+		fixture f;
+		content o;
+		uint64_t stray = 0;
+		open_square(&f);
+		write_square(&f, WH_PLY_LE, scan, SCAN, speckled);
+		choose_end(&f, streamed);
+		reduces(&f);
+		read_content(&f, f.out, &o);
+		for (uint64_t v = 0; v < o.nv; v++)
+			stray += get(&o, "label", v) > 0;
+		print_message("%u of %u labels are of the minority\n", (unsigned)stray,
+		              (unsigned)o.nv);
+		assert_true(o.nv > 100 && stray * (streamed ? 12 : 40) < o.nv);
+		free_content(&f, &o);
+		drop(&f);
+	}
+}
+
 static void normals_stay_unit_vectors(void **state)
 {
 	(void)state;
@@ -983,6 +1011,7 @@ int main(void)
 	    cmocka_unit_test(odd_layouts_give_the_same_values),
 	    cmocka_unit_test(a_word_that_is_no_number_is_named),
 	    cmocka_unit_test(labels_are_never_averaged),
+	    cmocka_unit_test(labels_go_by_majority),
 	    cmocka_unit_test(normals_stay_unit_vectors),
 	    cmocka_unit_test(geometry_does_not_notice),
 	    cmocka_unit_test(threads_leave_no_trace),

@@ -16,8 +16,18 @@
  *     least squares at the middles of the faces   2.74  5.24   9.33      5.18  7.60  11.30
  *     this                                        2.69  5.10   9.21      5.19  7.63  11.35
  *
- * Labels come from the end that is nearer to the new place; where both are as near, from the one
- * that stays. Normals become as long as the mean of the lengths.
+ * Labels are elected. Where the ends have two, half of the votes are the ends', shared by how near
+ * they are; the other half are those of the corners around, each with the area of its faces; the
+ * end's label that has more is taken. Vertices with a wrong label, in per cent, two scans with five
+ * labels in cells (clean), and with a tenth and three tenths of the vertices' given away by chance;
+ * to 30 and 10 %:
+ *
+ *     of the nearer end            2.3  4.8  3.0  7.1    10.2 11.7 10.6 14.2    24.8 25.3 24.7 25.5
+ *     a quarter around             2.3  4.6  3.0  7.0     7.6  7.9  8.3 10.9    19.0 13.5 19.3 16.0
+ *     half around (this)           2.3  5.0  3.2  7.5     4.6  5.6  5.6  9.3    10.0  4.3 10.1  7.5
+ *     two thirds around            2.5  6.0  3.9  9.5     4.3  6.5  5.6 11.1     7.7  3.6  7.3  6.9
+ *
+ * Normals become as long as the mean of the lengths.
  *
  * Invariants. A value is a number where that of one of the ends was; a vertex that never was an end
  * of a collapse, or is locked, keeps every bit.
@@ -37,7 +47,8 @@ typedef struct mix {
 	uint32_t n;
 	const uint8_t *record[WH_ROW + RING];
 	double weight[WH_ROW + RING];
-	double total; /* of the areas so far */
+	double votes[WH_ROW + RING]; /* areas of the faces at it */
+	double total;                /* of the areas so far */
 	double along; /* of the new place on the edge: 0 at the hub, 1 at the other end */
 } mix;
 
@@ -53,6 +64,7 @@ static void begin(const wh_trial *t, mix *m)
 	const double len2 = wh_norm2(t->edge), along = wh_dot(t->to, t->edge);
 	m->n = t->n + RING;
 	memset(m->weight, 0, m->n * sizeof *m->weight);
+	memset(m->votes, 0, m->n * sizeof *m->votes);
 	m->total = 0;
 	m->along = len2 > 0 ? fmin(fmax(along / len2, 0), 1) : 0;
 }
@@ -75,6 +87,9 @@ static void add_face(mix *m, const corner *a, const corner *b, const corner *d, 
 	m->weight[a->at] += area - of_b - of_d;
 	m->weight[b->at] += of_b;
 	m->weight[d->at] += of_d;
+	m->votes[a->at] += area;
+	m->votes[b->at] += area;
+	m->votes[d->at] += area;
 	m->total += area;
 }
 
@@ -162,6 +177,27 @@ static bool is_of_normal(const wh_attributes *as, uint32_t k)
 	return as->has_normal && (k == as->normal[0] || k == as->normal[1] || k == as->normal[2]);
 }
 
+/* That of the two ends' labels which has the majority. */
+static const uint8_t *elect(const wh_attribute *a, const mix *m)
+{
+	const uint8_t *ours = m->record[HUB] + a->at, *theirs = m->record[OTHER] + a->at;
+	const size_t bytes = wh_attribute_bytes(a);
+	double lead = 0, around = 0;
+	if (memcmp(ours, theirs, bytes) == 0)
+		return ours;
+	for (uint32_t i = RING; i < m->n; i++) {
+		const uint8_t *label = m->record[i] + a->at;
+		around += m->votes[i];
+		if (memcmp(label, ours, bytes) == 0)
+			lead += m->votes[i];
+		else if (memcmp(label, theirs, bytes) == 0)
+			lead -= m->votes[i];
+	}
+	const double nearer = 1 - 2 * m->along;
+	lead += nearer * around;
+	return lead < 0 || (!(lead > 0) && nearer < 0) ? theirs : ours;
+}
+
 /* All values of a record. */
 static void mix_record(const wh_attributes *as, const mix *m, uint8_t *to)
 {
@@ -169,12 +205,10 @@ static void mix_record(const wh_attributes *as, const mix *m, uint8_t *to)
 		mix_normal(as, m, to);
 	for (uint32_t k = 0; k < as->n; k++) {
 		const wh_attribute *a = &as->item[k];
-		if (a->kind != WH_KIND_LABEL) {
-			if (!is_of_normal(as, k))
-				wh_attribute_set(a, to, mixed(a, m));
-		} else if (m->along > 0.5) {
-			memcpy(to + a->at, m->record[OTHER] + a->at, wh_attribute_bytes(a));
-		}
+		if (a->kind == WH_KIND_LABEL)
+			memmove(to + a->at, elect(a, m), wh_attribute_bytes(a));
+		else if (!is_of_normal(as, k))
+			wh_attribute_set(a, to, mixed(a, m));
 	}
 }
 
