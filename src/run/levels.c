@@ -55,7 +55,7 @@ bool wh_run_leaves_out(wh_run *r)
 bool wh_run_is_delivered(wh_run *r)
 {
 	wh_step step;
-	if (wh_run_is_last(r) || !wh_run_recall(r, WH_STEP_WRITE, &step))
+	if (wh_run_is_last(r) || !wh_run_recall_step(r, WH_STEP_WRITE, &step))
 		return false;
 	r->report->level[r->at] = step.level;
 	return true;

@@ -209,7 +209,7 @@ static wh_plan make_plan(const wh_run *r)
 	                         .rewrite_bytes = wh_input_temp_bytes(&r->input) +
 	                                          wh_run_clean_disk(r) + rply_bytes(r),
 	                         .sizes = r->sizes,
-	                         .share = wh_run_share(r),
+	                         .share = wh_run_target_ratio(r),
 	                         .state = wh_run_state_bytes(r),
 	                         .memory = r->memory,
 	                         .threads = r->exec.workers};
@@ -378,7 +378,7 @@ static wh_code ingest_input(wh_run *r)
 	return WH_OK;
 }
 
-static wh_code record_ingest(wh_run *r)
+static wh_code note_ingest(wh_run *r)
 {
 	wh_step step = {.kind = WH_STEP_INGEST,
 	                .kept = true,
@@ -391,7 +391,7 @@ static wh_code record_ingest(wh_run *r)
 	                .clean = r->clean,
 	                .sift = r->sift,
 	                .ingest = r->ingest};
-	return wh_run_keep_seams(r, &step) == WH_OK ? wh_run_record(r, &step) : r->c->err.code;
+	return wh_run_keep_seams(r, &step) == WH_OK ? wh_run_note_step(r, &step) : r->c->err.code;
 }
 
 /* What an earlier process ingested. */
@@ -424,7 +424,7 @@ static wh_code nothing_left(wh_run *r)
 wh_code wh_run_ingest(wh_run *r)
 {
 	wh_step step;
-	const bool done = wh_run_recall(r, WH_STEP_INGEST, &step);
+	const bool done = wh_run_recall_step(r, WH_STEP_INGEST, &step);
 	bool taken = false;
 	if (!done && wh_run_take_ingest(r, &taken) != WH_OK)
 		return r->c->err.code;
@@ -432,7 +432,7 @@ wh_code wh_run_ingest(wh_run *r)
 		return r->c->err.code;
 	if (taken)
 		count_input_reads(r);
-	if (!done && record_ingest(r) != WH_OK)
+	if (!done && note_ingest(r) != WH_OK)
 		return r->c->err.code;
 	wh_reduce_report *t = r->report;
 	r->faces = r->ingest.faces;

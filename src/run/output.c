@@ -58,7 +58,7 @@ static wh_code record(wh_run *r, const wh_outfile *out)
 	}
 	if (r->journaled && wh_manifest_note_written(r->c, &r->book, &w) != WH_OK)
 		return r->c->err.code;
-	return wh_run_record(r, &step);
+	return wh_run_note_step(r, &step);
 }
 
 wh_code wh_run_commit(wh_run *r, wh_outfile **out)

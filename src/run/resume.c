@@ -613,7 +613,7 @@ static void remove_ledgers(wh_run *r, const char *name)
 	wh_spill_remove_all(&r->spill, prefix);
 }
 
-bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step)
+bool wh_run_recall_step(wh_run *r, wh_step_kind kind, wh_step *step)
 {
 	char name[WH_LEDGER_NAME];
 	if (!r->journaled || r->recalled >= r->book.steps)
@@ -650,7 +650,7 @@ wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind)
 	return l;
 }
 
-wh_code wh_run_record(wh_run *r, const wh_step *step)
+wh_code wh_run_note_step(wh_run *r, const wh_step *step)
 {
 	if (!r->journaled)
 		return WH_OK;

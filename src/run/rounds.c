@@ -40,7 +40,7 @@ static wh_code survey(wh_run *r, double keep, wh_cluster_params *p)
 wh_code wh_run_survey(wh_run *r, double keep, wh_cluster_params *p)
 {
 	wh_step step;
-	if (wh_run_recall(r, WH_STEP_SURVEY, &step)) {
+	if (wh_run_recall_step(r, WH_STEP_SURVEY, &step)) {
 		p->all.max_cost = step.max_cost;
 		p->micro_cost = step.micro_cost;
 		return WH_OK;
@@ -49,7 +49,7 @@ wh_code wh_run_survey(wh_run *r, double keep, wh_cluster_params *p)
 		return r->c->err.code;
 	step = (wh_step){
 	    .kind = WH_STEP_SURVEY, .max_cost = p->all.max_cost, .micro_cost = p->micro_cost};
-	return wh_run_record(r, &step);
+	return wh_run_note_step(r, &step);
 }
 
 /* All clusters into `next`; kept: not too much of them went. */
@@ -58,7 +58,7 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
 {
 	wh_exec ex;
 	wh_round_result done;
-	if (wh_run_recall(r, WH_STEP_REDUCE, step)) {
+	if (wh_run_recall_step(r, WH_STEP_REDUCE, step)) {
 		*next = step->store;
 		next->spill = &r->spill;
 		return WH_OK;
@@ -77,18 +77,18 @@ static wh_code reduce(wh_run *r, wh_store *next, const wh_cluster_params *p, uin
 	                  .faces = done.faces,
 	                  .unreferenced = done.unreferenced,
 	                  .work = done.work};
-	return wh_run_record(r, step);
+	return wh_run_note_step(r, step);
 }
 
 /* Decimates all clusters down to the shared cost limit. A limit that turns out to take too much
  * is lowered, and the round done again. Where that does not help either, as too many collapses
  * cost nothing at all, the mesh is left as it was. */
-static wh_code decimate(wh_run *r, wh_cluster_params *p, double share)
+static wh_code decimate(wh_run *r, wh_cluster_params *p, double ratio)
 {
 	wh_store next = {.spill = &r->spill,
 	                 .sequence = r->params->progressive ? &r->sequence : NULL};
 	wh_step done;
-	const uint64_t least = (uint64_t)(1.02 * share * (double)r->faces);
+	const uint64_t least = (uint64_t)(1.02 * ratio * (double)r->faces);
 	uint64_t last = 0;
 	for (int lowered = 0;; lowered++) {
 		next.generation = r->generations++;
@@ -137,7 +137,7 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 	wh_store next = {.spill = &r->spill, .generation = r->generations++};
 	wh_step step;
 	next.clusters = wh_plan_clusters(&r->sizes, r->faces);
-	if (wh_run_recall(r, WH_STEP_RECUT, &step)) {
+	if (wh_run_recall_step(r, WH_STEP_RECUT, &step)) {
 		next = step.store;
 		next.spill = &r->spill;
 		r->report->never_free_vertices = step.never_free;
@@ -148,7 +148,7 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 		                 .kept = true,
 		                 .store = next,
 		                 .never_free = r->report->never_free_vertices};
-		if (wh_run_record(r, &step) != WH_OK)
+		if (wh_run_note_step(r, &step) != WH_OK)
 			return r->c->err.code;
 	}
 	wh_run_forget(r, &r->store);
@@ -159,13 +159,13 @@ wh_code wh_run_recut(wh_run *r, bool free_all)
 /* Decimates all clusters so that a share of the faces is left, or to the error limit. */
 wh_code wh_run_round(wh_run *r, double keep)
 {
-	const double share = wh_run_share(r);
+	const double ratio = wh_run_target_ratio(r);
 	wh_cluster_params params = {.micro_faces = (uint32_t)r->params->micro_faces,
 	                            .micro_cost = INFINITY,
 	                            .all = wh_run_engine(r)};
-	if ((share > 0 || r->sizes.round_keep > 0) && wh_run_survey(r, keep, &params) != WH_OK)
+	if ((ratio > 0 || r->sizes.round_keep > 0) && wh_run_survey(r, keep, &params) != WH_OK)
 		return r->c->err.code;
-	return decimate(r, &params, share);
+	return decimate(r, &params, ratio);
 }
 
 /* Rounds, until the mesh fits the final pass or a round no longer helps. */
@@ -174,14 +174,15 @@ wh_code wh_run_rounds(wh_run *r)
 	const uint64_t micro = r->params->micro_faces;
 	if (r->store.clusters == 1 && (micro == 0 || r->faces <= 2 * micro))
 		return WH_OK;
-	for (bool on = wh_plan_round_pays(wh_run_share(r)); on;) {
+	for (bool on = wh_plan_round_pays(wh_run_target_ratio(r)); on;) {
 		const uint32_t clusters = r->store.clusters;
 		const uint64_t before = r->faces;
 		if (r->report->rounds > 0 && wh_run_recut(r, false) != WH_OK)
 			return r->c->err.code;
-		if (wh_run_round(r, wh_plan_keep(&r->sizes, r->faces, wh_run_share(r))) != WH_OK)
+		if (wh_run_round(r, wh_plan_keep(&r->sizes, r->faces, wh_run_target_ratio(r))) !=
+		    WH_OK)
 			return r->c->err.code;
-		on = wh_plan_go_on(&r->sizes, clusters, before, r->faces, wh_run_share(r));
+		on = wh_plan_go_on(&r->sizes, clusters, before, r->faces, wh_run_target_ratio(r));
 	}
 	return WH_OK;
 }

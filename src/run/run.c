@@ -121,19 +121,18 @@ static double larger_of(double a, double b)
 	return a > b ? a : b;
 }
 
-/* Share of `faces` that the targets ask to keep; 0 when no count limits it. */
-double wh_run_share(const wh_run *r)
+double wh_run_target_ratio(const wh_run *r)
 {
 	const wh_reduce_report *t = r->report;
-	double share = 0;
+	double ratio = 0;
 	if (t->target_faces)
-		share = (double)t->target_faces / (double)r->faces;
+		ratio = (double)t->target_faces / (double)r->faces;
 	if (t->target_vertices) {
 		const double as_faces = (double)t->target_vertices * (double)t->input_faces /
 		                        (double)(t->input_vertices - t->joined_vertices);
-		share = larger_of(share, as_faces / (double)r->faces);
+		ratio = larger_of(ratio, as_faces / (double)r->faces);
 	}
-	return share;
+	return ratio;
 }
 
 bool wh_run_is_no_smaller(const wh_run *r)

@@ -108,7 +108,7 @@ void wh_run_targets(wh_run *r);
 /* The distance that the aim allows. */
 void wh_run_limit_error(wh_run *r);
 /* Share of the faces there are now that the targets ask to keep; 0 when no count limits it. */
-double wh_run_share(const wh_run *r);
+double wh_run_target_ratio(const wh_run *r);
 /* True when the target is no smaller than the input. */
 bool wh_run_is_no_smaller(const wh_run *r);
 /* True when the input is the result: the target is no smaller, and text is not asked of binary. */
@@ -207,12 +207,12 @@ wh_code wh_run_compare_input(wh_run *r);
 /* The plan is made: for good, once this returns. */
 wh_code wh_run_sign_plan(wh_run *r);
 /* True, with *step filled, when the next step, which is of this kind, is done. */
-bool wh_run_recall(wh_run *r, wh_step_kind kind, wh_step *step);
+bool wh_run_recall_step(wh_run *r, wh_step_kind kind, wh_step *step);
 /* The ledger of the next step, a round over so many clusters, whose parts leave entries of a kind.
  * NULL: there is none, or it failed, which is recorded. */
 wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind);
 /* The step is done: for good, once this returns. */
-wh_code wh_run_record(wh_run *r, const wh_step *step);
+wh_code wh_run_note_step(wh_run *r, const wh_step *step);
 /* The files of a store are not needed any more. */
 void wh_run_forget(wh_run *r, const wh_store *store);
 /* The end of the run, whole or not. */

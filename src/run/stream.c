@@ -41,7 +41,7 @@ static wh_code trial_costs(wh_run *r, double cost[TRIALS])
 {
 	wh_cluster_params p = {.all = wh_run_engine(r)};
 	p.all.log_in_order = true; /* rather too much than too little */
-	if (wh_run_survey(r, TRIAL_MARGIN * wh_run_share(r), &p) != WH_OK)
+	if (wh_run_survey(r, TRIAL_MARGIN * wh_run_target_ratio(r), &p) != WH_OK)
 		return r->c->err.code;
 	cost[0] = p.all.max_cost;
 	for (int i = 1; i + 1 < TRIALS; i++)
@@ -56,7 +56,7 @@ static wh_code settle_at(wh_run *r, wh_store *next, const wh_settle_params *p, b
 {
 	wh_exec ex;
 	wh_settle_result done = {0};
-	if (wh_run_recall(r, WH_STEP_SETTLE, step)) {
+	if (wh_run_recall_step(r, WH_STEP_SETTLE, step)) {
 		*next = step->store;
 		next->spill = &r->spill;
 		return WH_OK;
@@ -77,7 +77,7 @@ static wh_code settle_at(wh_run *r, wh_store *next, const wh_settle_params *p, b
 	                  .work = done.round.work,
 	                  .reached = done.reached,
 	                  .one_less = done.one_less};
-	return wh_run_record(r, step);
+	return wh_run_note_step(r, step);
 }
 
 /* A round that ends at the exact count, or as near to it as its clusters can come. */
@@ -114,7 +114,7 @@ static wh_code exhaust_once(wh_run *r)
  * that was on every cut. */
 wh_code wh_run_settle(wh_run *r)
 {
-	const bool counted = wh_run_share(r) > 0;
+	const bool counted = wh_run_target_ratio(r) > 0;
 	for (int i = 0; i < MOST_SETTLINGS; i++) {
 		const bool near = r->recuts >= r->recuts_begun + WH_PLAN_ROUNDS_BEFORE_SETTLING - 1;
 		if ((i > 0 || r->report->rounds > 0) && wh_run_recut(r, near) != WH_OK)
@@ -127,7 +127,7 @@ wh_code wh_run_settle(wh_run *r)
 		else if (last)
 			code = is_reached(r) ? WH_OK : settle_once(r);
 		else
-			code = wh_run_round(r, wh_plan_keep_near(wh_run_share(r)));
+			code = wh_run_round(r, wh_plan_keep_near(wh_run_target_ratio(r)));
 		if (code != WH_OK)
 			return code;
 		if (last && ((counted && is_reached(r)) ||
