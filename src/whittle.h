@@ -41,6 +41,15 @@ typedef enum wh_stage {
 	WH_STAGE_FINISH    /* needs all parts; goes on to the end */
 } wh_stage;
 
+/* Who does the parts. */
+typedef enum wh_crew {
+	WH_CREW_LOOSE, /* processes that come and go, each for one part: their number is fixed by
+	                  PLAN, and JOIN refuses while the part of one is missing */
+	WH_CREW_JOB    /* the processes of one job, which are all there at every stage: PLAN takes
+	                  over a run of any number of parts, JOIN gives missing ones out again, and
+	                  who is done helps the others */
+} wh_crew;
+
 /* A result on the way to the last one: its limits, as in wh_reduce_params, and where it goes. */
 typedef struct wh_level {
 	uint64_t faces;
@@ -138,9 +147,7 @@ typedef struct wh_reduce_params {
 	uint32_t parts; /* of PLAN: how many there are to be; else 0 or the same number */
 	uint32_t part;  /* of INGEST and DECIMATE, from 0 */
 	uint32_t round; /* of DECIMATE, from 1 */
-	bool any_parts; /* of PLAN: of a run that there is, whatever its number of parts was; of
-	                   JOIN: parts that are missing are to be done next; of DECIMATE: the part
-	                   goes on with what the others have not done yet */
+	wh_crew crew;   /* who does the parts */
 	/* Told in a sentence what a resumed run goes on from. May be NULL. */
 	void (*notice)(void *user, const char *text);
 	void *notice_user;

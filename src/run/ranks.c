@@ -146,7 +146,7 @@ static void share_machine(job *j)
 		p->threads = 1;
 	p->parts = (uint32_t)j->ranks.size;
 	p->part = (uint32_t)j->ranks.rank;
-	p->any_parts = true;
+	p->crew = WH_CREW_JOB;
 	if (j->ranks.rank != 0) {
 		p->progress = NULL;
 		p->notice = NULL;

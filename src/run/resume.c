@@ -503,7 +503,7 @@ static void tell_state(wh_run *r)
 static bool is_new_beginning(const wh_run *r)
 {
 	return r->params->stage == WH_STAGE_ALL ||
-	       (r->params->stage == WH_STAGE_PLAN && r->params->any_parts);
+	       (r->params->stage == WH_STAGE_PLAN && wh_run_is_job(r));
 }
 
 static wh_code go_on(wh_run *r)
@@ -646,7 +646,7 @@ wh_ledger *wh_run_ledger(wh_run *r, uint32_t clusters, wh_ledger_kind kind)
 	l->trusts = r->params->stage != WH_STAGE_ALL && !part;
 	l->parts = part ? (uint32_t)r->book.parts : 0;
 	l->part = r->params->part;
-	l->helps = r->params->any_parts;
+	l->helps = wh_run_is_job(r);
 	return l;
 }
 

@@ -226,6 +226,8 @@ enum { WH_PARTS_MOST = 65536 };
 wh_code wh_run_sensible_stage(wh_ctx *c, const wh_reduce_params *p);
 /* True for a process that does a part, and changes nothing of the run's state. */
 bool wh_run_is_part(const wh_run *r);
+/* True when all processes that do parts are at hand, as those of an MPI job are. */
+bool wh_run_is_job(const wh_run *r);
 /* True when several processes may be at a stage, each at a part of it. */
 bool wh_run_stage_has_parts(wh_stage stage);
 /* True when parts can ingest the input, which is open or was looked at. */

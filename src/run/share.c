@@ -41,6 +41,11 @@ bool wh_run_is_part(const wh_run *r)
 	return wh_run_stage_has_parts(r->params->stage);
 }
 
+bool wh_run_is_job(const wh_run *r)
+{
+	return r->params->crew == WH_CREW_JOB;
+}
+
 static bool joins(const wh_run *r)
 {
 	return r->params->stage == WH_STAGE_JOIN || r->params->stage == WH_STAGE_FINISH;
@@ -135,9 +140,9 @@ static void forget_plan(wh_run *r)
 static wh_code plan_parts(wh_run *r)
 {
 	wh_manifest *m = &r->book;
-	if (r->params->any_parts && m->steps == 0)
+	if (wh_run_is_job(r) && m->steps == 0)
 		forget_plan(r);
-	if (r->params->any_parts && m->parts != r->params->parts && m->steps > 0) {
+	if (wh_run_is_job(r) && m->parts != r->params->parts && m->steps > 0) {
 		m->parts = r->params->parts;
 		return wh_manifest_write(r->c, &r->spill, m) == WH_OK ? pause_run(r)
 		                                                      : r->c->err.code;
@@ -326,7 +331,7 @@ static wh_code join_parts(wh_run *r, const wh_ledger *l, wh_ledger_kind kind)
 	(void)snprintf(what, sizeof what, "round %u", r->shared + 1);
 	if (code != WH_OK || left == 0 || (finish && is_beyond_plan(r))) {
 		;
-	} else if (!finish && (r->joined || left == l->clusters || r->params->any_parts)) {
+	} else if (!finish && (r->joined || left == l->clusters || wh_run_is_job(r))) {
 		r->report->next_round = r->shared + 1;
 		code = pause_run(r);
 	} else {
