@@ -144,7 +144,7 @@ static wh_code all_stages(wh_run *r, wh_outfile **out)
 			return r->c->err.code;
 		return wh_run_copy_input(r, out);
 	}
-	wh_run_list_dropped(r);
+	wh_run_list_carried(r);
 	wh_run_phase_begin(r);
 	if (wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_ingest(r)) != WH_OK ||
 	    wh_run_write_seams(r, false) != WH_OK)
@@ -375,7 +375,7 @@ wh_code wh_plan_reduce(wh_ctx *c, const wh_reduce_params *params, wh_plan_report
 	wh_code code = look_at_input(&r, report);
 	if (code == WH_OK) {
 		if (!wh_run_copies(&r))
-			code = wh_run_refuse_early(&r);
+			code = wh_run_plan(&r);
 		fill_plan(&r, report);
 	}
 	if (r.input_open)

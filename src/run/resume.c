@@ -305,7 +305,7 @@ wh_code wh_run_reopen_input(wh_run *r)
 	t->degenerate_faces = s->degenerate;
 	r->faces = t->input_faces;
 	wh_run_targets(r);
-	return wh_run_refuse_early(r);
+	return wh_run_plan(r);
 }
 
 /* ---- what is whole ------------------------------------------------------------------------ */

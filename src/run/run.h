@@ -1,7 +1,10 @@
 /*
- * run: one reduction in progress, and its stages. Only whittle.c calls them, in their order.
+ * run: one reduction in progress, and its stages. whittle.c calls them, in their order; above it,
+ * whittle_mpi.c does so for each part of a shared run.
  *
- *     open.c     input, plan, ingest; the copy where there is nothing to do
+ *     open.c     input and ingest; the copy where there is nothing to do
+ *     plan.c     what the stages will take, and what it is refused for
+ *     carried.c  which properties go over into the result
  *     hygiene.c  what the user wants gone before anything is reduced
  *     seams.c    the cut vertices of the first partition, for those who want to see them
  *     rounds.c   survey, decimate, recut
@@ -11,8 +14,9 @@
  *     record.c   a run whose collapses are kept: progressive meshes
  *     share.c    runs that several processes share: what a part does, and how parts are joined
  *     levels.c   several results: which one is next, what became of it
- *     replay.c   no reduction: what record.c left, played for the caller
- *     resume.c   the folder of a run that can be resumed, and what is done of it
+ *     resume.c   the folder of a run that can be resumed, and what is done of it; manifest.h is how
+ *                that is written down
+ *     run.c      what they all ask: targets, budget, style of the result, times
  *
  * Each stage keeps its time in the report and takes the memory that the budget leaves. What the
  * stages do is in pipeline/.
@@ -136,15 +140,22 @@ void wh_run_note_check(wh_run *r, const wh_check *found);
 
 wh_code wh_run_open_spill(wh_run *r);
 wh_code wh_run_open_input(wh_run *r);
-/* Names in the report what the file holds and the result will not. */
-void wh_run_list_dropped(wh_run *r);
-/* Makes the plan; a ceiling that will not do is refused. */
-wh_code wh_run_refuse_early(wh_run *r);
-/* So is a disk that is too small for the temporary files, or for a result whose size is known. */
-wh_code wh_run_foresee_disks(wh_run *r);
 wh_code wh_run_ingest(wh_run *r);
 /* The target is no smaller than the input: its bytes are the result. */
 wh_code wh_run_copy_input(wh_run *r, wh_outfile **out);
+
+/* ---- plan.c ------------------------------------------------------------------------------- */
+
+/* Makes r->plan. What cannot be done within the ceiling, or by the formats of the outputs, is
+ * refused. */
+wh_code wh_run_plan(wh_run *r);
+/* So is a disk that is too small for the temporary files, or for a result whose size is known. */
+wh_code wh_run_foresee_disks(wh_run *r);
+
+/* ---- carried.c ---------------------------------------------------------------------------- */
+
+/* Names in the report what the result takes over from the input, and what it does not. */
+void wh_run_list_carried(wh_run *r);
 
 /* ---- hygiene.c ---------------------------------------------------------------------------- */
 

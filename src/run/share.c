@@ -156,9 +156,8 @@ static wh_code plan_parts(wh_run *r)
 		return pause_run(r);
 	if (wh_run_look(r) != WH_OK)
 		return r->c->err.code;
-	if (!wh_run_copies(r) &&
-	    (wh_run_refuse_early(r) != WH_OK || wh_run_foresee_disks(r) != WH_OK ||
-	     (wh_run_shares_input(r) && scan(r) != WH_OK)))
+	if (!wh_run_copies(r) && (wh_run_plan(r) != WH_OK || wh_run_foresee_disks(r) != WH_OK ||
+	                          (wh_run_shares_input(r) && scan(r) != WH_OK)))
 		return r->c->err.code;
 	m->parts = r->params->parts;
 	m->shared_ingest = wh_run_shares_input(r) && !wh_run_copies(r);
@@ -203,7 +202,7 @@ static wh_code ingest_part(wh_run *r)
 	share_note note;
 	if (r->book.steps > 0 || !r->book.shared_ingest)
 		return pause_run(r);
-	if (wh_run_look(r) != WH_OK || wh_run_refuse_early(r) != WH_OK)
+	if (wh_run_look(r) != WH_OK || wh_run_plan(r) != WH_OK)
 		return r->c->err.code;
 	const wh_store to = common_store(r);
 	if (wh_pieces_note(r->c, &to, r->params->part, &note, sizeof note))
@@ -277,7 +276,7 @@ wh_code wh_run_take_ingest(wh_run *r, bool *taken)
 	*taken = false;
 	if (!r->journaled || !r->book.shared_ingest)
 		return WH_OK;
-	if (wh_run_refuse_early(r) != WH_OK || wh_run_compare_input(r) != WH_OK)
+	if (wh_run_plan(r) != WH_OK || wh_run_compare_input(r) != WH_OK)
 		return r->c->err.code;
 	wh_store s = common_store(r);
 	s.generation = r->generations++;

@@ -13,11 +13,11 @@
 #   algo      base geom io exec mesh   (io: synth streams what it makes)
 #   pipeline  base geom io exec mesh algo
 #   run       all of these, and whittle.h
-#   whittle   all of these
+#   whittle   all of these             (the files of src/ itself: the public calls)
 #   tools     all of these
 #
 # Within algo, one algorithm does not include another (synth_* is one; simplify's parts are named below).
-# OpenMP lives in exec.c, hwloc in topo.c, MPI in ranks.c, libpng in png.c, libjpeg in jpeg.c, rply in rply_read.c.
+# OpenMP lives in exec.c, hwloc in topo.c, MPI in exec/ranks.c, libpng in png.c, libjpeg in jpeg.c, rply in rply_read.c.
 # The library never prints, never ends the process and
 # keeps no mutable globals: asked of its symbols, so macros and compilers cannot hide it.
 set -euo pipefail
