@@ -52,7 +52,7 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
 	wh_free(c, w->slot);
 	wh_free(c, w->spill_slot);
 	wh_free(c, w->wedge);
-	wh_free(c, w->opinions);
+	wh_gradients_free(c, w->gradients);
 	wh_free(c, w->quadric);
 	wh_free(c, w);
 }
@@ -241,6 +241,22 @@ static void enqueue_around(wh_engine *e, const wh_trial *t)
 			enqueue_anew(e, t->id[i]);
 }
 
+/* What is around a vertex has changed by surgery. */
+static void renew(wh_engine *e, uint32_t v)
+{
+	if (e->weighted)
+		wh_blend_changed(e, v);
+	enqueue_anew(e, v);
+}
+
+/* Nothing that was added up around these is true any more. */
+static void forget_sums(wh_engine *e, const wh_trial *t)
+{
+	wh_blend_changed(e, t->v);
+	for (uint32_t i = 0; i < t->n; i++)
+		wh_blend_changed(e, t->id[i]);
+}
+
 static void blend(const wh_engine *e, const wh_trial *t)
 {
 	if (!e->params->attributes || t->into_locked)
@@ -261,6 +277,8 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 	if (wh_trial_commit(e, t) != WH_OK || (e->wedges && wh_wedges_after(e, t) != WH_OK) ||
 	    tell(e, t, err) != WH_OK)
 		return e->c->err.code;
+	if (e->weighted)
+		forget_sums(e, t);
 	e->p->err[t->v] = (float)err;
 	e->faces -= t->nshared;
 	e->taken += t->nshared;
@@ -273,6 +291,8 @@ static wh_code perform(wh_engine *e, wh_trial *t, double err)
 		enqueue_around(e, t);
 	if (t->into_locked)
 		return WH_OK;
+	if (e->weighted)
+		e->w->star[t->v].guess += wh_blend_guess(e, t->v);
 	enqueue_anew(e, t->v);
 	return WH_OK;
 }
@@ -321,7 +341,7 @@ static wh_code operate(wh_engine *e, wh_surgery *s, double cost, double weight, 
 		wh_queue_remove(&e->w->queue, s->u);
 		bury(e, s->u);
 	}
-	wh_surgery_each(e, s, enqueue_anew, e);
+	wh_surgery_each(e, s, renew, e);
 	return WH_OK;
 }
 
@@ -513,9 +533,13 @@ static wh_code drain(wh_engine *e)
 
 static void enqueue_all(wh_engine *e)
 {
-	for (uint32_t v = 0; v < e->p->nv; v++)
-		if (e->w->star[v].n)
+	for (uint32_t v = 0; v < e->p->nv; v++) {
+		wh_star *s = &e->w->star[v];
+		if (s->n && e->weighted)
+			s->guess += wh_blend_guess(e, v);
+		if (s->n)
 			enqueue_unseen(e, v);
+	}
 }
 
 /* Costs of a patch this many times as wide as most of it are told apart. */
@@ -589,6 +613,8 @@ static wh_code pass(wh_engine *e)
 	if (wh_stars_build(e) != WH_OK ||
 	    wh_queue_reset(e->c, &e->w->queue, e->p->nv, queue_top(e)) != WH_OK)
 		return e->c->err.code;
+	if (e->weighted && wh_blend_begin(e) != WH_OK)
+		return e->c->err.code;
 	enqueue_all(e);
 	if (drain(e) != WH_OK)
 		return e->c->err.code;
@@ -624,8 +650,6 @@ wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simpli
 		result->exhausted = true;
 		return WH_OK;
 	}
-	if (e.weighted && wh_blend_begin(&e) != WH_OK)
-		return c->err.code;
 	/* An edge turned down once may be legal later: start over while that helps. */
 	for (;;) {
 		const uint32_t before = e.faces;

@@ -92,6 +92,8 @@ void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
 /* Bytes of workspace that a patch of these counts takes, the patch itself not included; without
  * those of a policy (wh_policy_bytes). */
 size_t wh_simplify_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes);
+/* What attributes with weights add to that for each vertex. */
+size_t wh_simplify_attribute_bytes(const struct wh_attributes *as);
 
 /*
  * Reduces p. Cut and fixed vertices stay; vertices on non-manifold or inconsistently oriented

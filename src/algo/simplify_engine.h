@@ -189,8 +189,8 @@ struct wh_simplify_work {
 	uint32_t *slot, *spill_slot;
 	size_t cap_slot, cap_spill_slot;
 	struct wh_wedge_plan *wedge;
-	struct wh_opinions *opinions; /* of blend.c; NULL until attributes have weights */
-	wh_quadric *quadric;          /* of policy_qem.c: one for each vertex, about its place */
+	struct wh_gradients *gradients; /* of blend_cost.c; NULL until attributes have weights */
+	wh_quadric *quadric;            /* of policy_qem.c: one for each vertex, about its place */
 	size_t cap_quadric;
 	uint32_t *spill; /* rings that are too long for their stars */
 	size_t spill_cap, spill_used;
@@ -386,10 +386,18 @@ void wh_blend_take(const wh_engine *e, const wh_trial *t);
 
 /* ---- blend_cost.c ------------------------------------------------------------------------- */
 
-/* What attributes with weights add to costs: room for that, before the first fan; and the fan that
- * has just been evaluated, whose costs have nothing of it yet. */
+struct wh_gradients;
+void wh_gradients_free(wh_ctx *c, struct wh_gradients *g);
+
+/* What attributes with weights add to costs: to be called when the stars have been made; of the fan
+ * that has just been evaluated, whose costs have nothing of it yet; and for each vertex when faces
+ * around it, or values at their corners, have changed. */
 wh_code wh_blend_begin(wh_engine *e);
 void wh_blend_fan(const wh_engine *e);
+void wh_blend_changed(wh_engine *e, uint32_t v);
+
+/* What they add to the guess of a free vertex (wh_guess). */
+double wh_blend_guess(const wh_engine *e, uint32_t v);
 
 /* Adds to the cost of the fan's edge i how far attributes would be off after its collapse. False
  * when that was done before. */

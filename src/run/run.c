@@ -247,7 +247,8 @@ wh_code wh_run_take_policy(wh_run *r)
 
 size_t wh_run_state_bytes(const wh_run *r)
 {
-	return wh_policy_bytes(&r->policy);
+	return wh_policy_bytes(&r->policy) +
+	       wh_simplify_attribute_bytes(r->input.source.attributes);
 }
 
 wh_simplify_params wh_run_engine(const wh_run *r)
