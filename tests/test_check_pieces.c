@@ -73,7 +73,7 @@ static void find_cuts(const wh_mesh *m, cutting *x, uint32_t *user)
 /* Looks at the pieces in an order that begins anywhere and goes by steps. */
 static wh_code check_cut(wh_ctx *c, const wh_mesh *m, const cutting *x, uint32_t from, wh_check *r)
 {
-	wh_check_work *w = wh_check_work_new(c);
+	wh_check_workspace *w = wh_check_workspace_new(c);
 	wh_check_pieces *s = wh_check_pieces_new(c);
 	uint32_t *map = wh_alloc(c, m->nv, sizeof *map);
 	wh_patch p = {0};
@@ -89,7 +89,7 @@ static wh_code check_cut(wh_ctx *c, const wh_mesh *m, const cutting *x, uint32_t
 	wh_patch_free(c, &p);
 	wh_free(c, map);
 	wh_check_pieces_free(c, s);
-	wh_check_work_free(c, w);
+	wh_check_workspace_free(c, w);
 	return code;
 }
 
@@ -322,7 +322,7 @@ static void refused_memory_leaks_nothing(void **state)
 		testing_env t;
 		testing_init(&t);
 		/* what the test itself needs may not fail */
-		wh_check_work *w = wh_check_work_new(&t.ctx);
+		wh_check_workspace *w = wh_check_workspace_new(&t.ctx);
 		wh_check_pieces *sum = wh_check_pieces_new(&t.ctx);
 		uint32_t *map = wh_alloc(&t.ctx, s.m.nv, sizeof *map);
 		wh_patch p = {0};
@@ -341,7 +341,7 @@ static void refused_memory_leaks_nothing(void **state)
 		wh_patch_free(&t.ctx, &p);
 		wh_free(&t.ctx, map);
 		wh_check_pieces_free(&t.ctx, sum);
-		wh_check_work_free(&t.ctx, w);
+		wh_check_workspace_free(&t.ctx, w);
 		testing_done(&t);
 		if (code == WH_OK) {
 			assert_true(fail > 30);

@@ -129,7 +129,7 @@ static void an_entry_belongs_to_one_file(void **state)
 	fixture f;
 	make(&f);
 	wh_patch p = {0};
-	wh_store_scratch scratch = {0};
+	wh_store_workspace scratch = {0};
 	int result = 7, found = 0;
 	const wh_store s = {.spill = &f.spill,
 	                    .clusters = CLUSTERS,
@@ -158,7 +158,7 @@ static void an_entry_belongs_to_one_file(void **state)
 	wh_store_remove(&s, 2);
 	assert_false(wh_ledger_is_saved(&f.t.ctx, &s, 2, &scratch, &found, sizeof found));
 	assert_int_equal(f.t.ctx.err.code, WH_OK);
-	wh_store_scratch_free(&f.t.ctx, &scratch);
+	wh_store_workspace_free(&f.t.ctx, &scratch);
 	wh_patch_free(&f.t.ctx, &p);
 	drop(&f);
 }

@@ -268,7 +268,7 @@ static void cuts_are_listed(fixture *f, const shape *s, const uint8_t *cut)
 static void is_the_shape(fixture *f, const shape *s, double most, bool exact)
 {
 	wh_ctx *c = &f->t.ctx;
-	wh_store_scratch scratch = {0};
+	wh_store_workspace scratch = {0};
 	wh_patch p = {0};
 	uint8_t *users = calloc(s->nv, 1), *cut = calloc(s->nv, 1);
 	uint64_t faces, sum = 0, found = 0;
@@ -297,7 +297,7 @@ static void is_the_shape(fixture *f, const shape *s, double most, bool exact)
 		cuts_are_listed(f, s, cut);
 	free(users);
 	free(cut);
-	wh_store_scratch_free(c, &scratch);
+	wh_store_workspace_free(c, &scratch);
 	wh_patch_free(c, &p);
 }
 

@@ -26,7 +26,7 @@ enum { MOST_NOTED = 64 };
 typedef struct fixture {
 	testing_env t;
 	wh_patch p;
-	wh_simplify_work *w;
+	wh_simplify_workspace *w;
 	wh_simplify_result done;
 	wh_collapse noted[MOST_NOTED]; /* the first collapses */
 	size_t n;
@@ -36,13 +36,13 @@ static void open_fixture(fixture *f)
 {
 	memset(f, 0, sizeof *f);
 	testing_init(&f->t);
-	f->w = wh_simplify_work_new(&f->t.ctx);
+	f->w = wh_simplify_workspace_new(&f->t.ctx);
 	assert_non_null(f->w);
 }
 
 static void drop(fixture *f)
 {
-	wh_simplify_work_free(&f->t.ctx, f->w);
+	wh_simplify_workspace_free(&f->t.ctx, f->w);
 	wh_patch_free(&f->t.ctx, &f->p);
 	testing_done(&f->t);
 }

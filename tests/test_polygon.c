@@ -23,7 +23,7 @@ static int compare(const void *a, const void *b)
 static size_t cut(const wh_vec3 *pos, const uint64_t *ids, size_t n, size_t shift,
                   uint64_t out[][3], double *sum, double *least)
 {
-	static wh_polygon_scratch scratch;
+	static wh_polygon_workspace scratch;
 	wh_vec3 p[MOST];
 	uint64_t id[MOST];
 	uint32_t corners[3 * MOST];
@@ -137,7 +137,7 @@ static void the_plane_does_not_matter(void **state)
 	(void)state;
 	/* an L seen along each axis from both sides: its six corners, one of them reflex */
 	static const double xy[6][2] = {{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 3}, {0, 3}};
-	static wh_polygon_scratch scratch;
+	static wh_polygon_workspace scratch;
 	const uint64_t ids[6] = {3, 1, 4, 15, 9, 2};
 	for (int axis = 0; axis < 3; axis++) {
 		for (int side = -1; side <= 1; side += 2) {

@@ -14,7 +14,7 @@ enum { SIDE = 90, MOST = 7500 }; /* enough collapses for several buffers */
 typedef struct fixture {
 	testing_env t;
 	wh_spill spill;
-	wh_simplify_work *work;
+	wh_simplify_workspace *work;
 	wh_rerun rerun;
 	wh_patch p;
 } fixture;
@@ -24,7 +24,7 @@ static int setup(void **state)
 	fixture *f = calloc(1, sizeof *f);
 	testing_init(&f->t);
 	assert_int_equal(wh_spill_open(&f->t.ctx, &f->spill, "/tmp", NULL), WH_OK);
-	f->work = wh_simplify_work_new(&f->t.ctx);
+	f->work = wh_simplify_workspace_new(&f->t.ctx);
 	*state = f;
 	return 0;
 }
@@ -32,7 +32,7 @@ static int setup(void **state)
 static int teardown(void **state)
 {
 	fixture *f = *state;
-	wh_simplify_work_free(&f->t.ctx, f->work);
+	wh_simplify_workspace_free(&f->t.ctx, f->work);
 	wh_rerun_free(&f->t.ctx, &f->rerun);
 	wh_patch_free(&f->t.ctx, &f->p);
 	wh_spill_close(&f->t.ctx, &f->spill);

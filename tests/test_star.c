@@ -42,7 +42,7 @@ static void open_square(fixture *f, uint32_t locked)
 	static const wh_manner manner = {1, 0, 1e-6, 1e-10};
 	f->e = (wh_engine){.c = c,
 	                   .manner = &manner,
-	                   .w = wh_simplify_work_new(c),
+	                   .w = wh_simplify_workspace_new(c),
 	                   .p = &f->p,
 	                   .params = &f->params,
 	                   .result = &f->result,
@@ -53,7 +53,7 @@ static void open_square(fixture *f, uint32_t locked)
 
 static void drop(fixture *f)
 {
-	wh_simplify_work_free(&f->t.ctx, f->e.w);
+	wh_simplify_workspace_free(&f->t.ctx, f->e.w);
 	wh_patch_free(&f->t.ctx, &f->p);
 	testing_done(&f->t);
 }

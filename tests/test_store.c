@@ -72,11 +72,11 @@ static void same_patch(const wh_patch *a, const wh_patch *b)
 
 static wh_code load(fixture *f, wh_patch *p, uint64_t *unreferenced)
 {
-	wh_store_scratch scratch = {0};
+	wh_store_workspace scratch = {0};
 	const wh_code code = wh_store_load(&f->t.ctx, &f->store, CLUSTER, &scratch, p);
 	if (unreferenced)
 		*unreferenced = scratch.unreferenced;
-	wh_store_scratch_free(&f->t.ctx, &scratch);
+	wh_store_workspace_free(&f->t.ctx, &scratch);
 	return code;
 }
 

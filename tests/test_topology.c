@@ -16,7 +16,7 @@
 typedef struct fixture {
 	testing_env t;
 	wh_patch p;
-	wh_simplify_work *w;
+	wh_simplify_workspace *w;
 	wh_simplify_result done;
 } fixture;
 
@@ -24,7 +24,7 @@ static void open_fixture(fixture *f, uint32_t nv, uint32_t nf)
 {
 	*f = (fixture){0};
 	testing_init(&f->t);
-	f->w = wh_simplify_work_new(&f->t.ctx);
+	f->w = wh_simplify_workspace_new(&f->t.ctx);
 	assert_non_null(f->w);
 	assert_int_equal(wh_patch_reset(&f->t.ctx, &f->p, nv, nf), WH_OK);
 	for (uint32_t v = 0; v < nv; v++) {
@@ -36,7 +36,7 @@ static void open_fixture(fixture *f, uint32_t nv, uint32_t nf)
 
 static void drop(fixture *f)
 {
-	wh_simplify_work_free(&f->t.ctx, f->w);
+	wh_simplify_workspace_free(&f->t.ctx, f->w);
 	wh_patch_free(&f->t.ctx, &f->p);
 	testing_done(&f->t);
 }

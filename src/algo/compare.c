@@ -49,14 +49,14 @@ typedef struct probe {
 } probe;
 
 /* What one worker needs. */
-typedef struct bench {
+typedef struct workspace {
 	wh_bvh_reader from, to;
 	wh_tally *tally;
 	probe *probe;                   /* CHUNK */
-	uint32_t *order[2];             /* CHUNK each: of the probes, and scratch */
+	uint32_t *order[2];             /* CHUNK each: of the probes, and room to sort them */
 	uint32_t *key;                  /* CHUNK */
 	double area[WH_PAGE_FACES + 1]; /* of the faces before this one in the page at hand */
-} bench;
+} workspace;
 
 /* One side: points of `from`, distances to `to`. Chunks of samples come first, then those of
  * vertices. */
@@ -68,7 +68,7 @@ typedef struct side {
 	uint64_t seed, samples;
 	uint64_t sample_chunks, chunks, job_chunks;
 	uint32_t regions;
-	bench *bench;
+	workspace *workspace;
 } side;
 
 /* ---- faces ---------------------------------------------------------------------------------- */
@@ -144,25 +144,25 @@ static uint32_t page_at(const wh_bvh *t, double area)
 }
 
 /* Goes on to the page, and the face, that this much area is in. */
-static wh_code walk_to(wh_ctx *c, bench *b, walk *w, double area)
+static wh_code walk_to(wh_ctx *c, workspace *ws, walk *w, double area)
 {
-	const wh_bvh *t = b->from.t;
+	const wh_bvh *t = ws->from.t;
 	uint32_t page = w->page;
 	while (page + 1 < t->pages && t->area[page + 1] <= area)
 		page++;
 	if (page != w->page || !w->at) {
-		w->at = wh_bvh_page(c, &b->from, page);
+		w->at = wh_bvh_page(c, &ws->from, page);
 		if (!w->at)
 			return wh_failed(c);
 		w->page = page;
 		w->face = 0;
-		b->area[0] = 0;
+		ws->area[0] = 0;
 		for (uint32_t f = 0; f < w->at->nf; f++)
-			b->area[f + 1] = b->area[f] + face_area(w->at, f);
+			ws->area[f + 1] = ws->area[f] + face_area(w->at, f);
 	}
 	const double share = (area - t->area[page]) / (t->area[page + 1] - t->area[page]);
-	const double in_page = share * b->area[w->at->nf];
-	while (w->face + 1 < w->at->nf && b->area[w->face + 1] <= in_page)
+	const double in_page = share * ws->area[w->at->nf];
+	while (w->face + 1 < w->at->nf && ws->area[w->face + 1] <= in_page)
 		w->face++;
 	return WH_OK;
 }
@@ -178,12 +178,12 @@ static wh_vec3 point_in_face(const wh_page *g, uint32_t f, double r1, double r2)
 }
 
 /* Sample i: somewhere in the i-th of equal shares of the area. */
-static wh_code sample(wh_ctx *c, const side *s, bench *b, uint64_t i, walk *w, probe *x)
+static wh_code sample(wh_ctx *c, const side *s, workspace *ws, uint64_t i, walk *w, probe *x)
 {
 	wh_rng g = wh_rng_seed(s->seed ^ wh_mix64(i));
 	const double total = s->from->area[s->from->pages];
 	const double at = ((double)i + wh_rng_unit(&g)) / (double)s->samples * total;
-	if (walk_to(c, b, w, at) != WH_OK)
+	if (walk_to(c, ws, w, at) != WH_OK)
 		return c->err.code;
 	const double r1 = wh_rng_unit(&g);
 	x->p = point_in_face(w->at, w->face, r1, wh_rng_unit(&g));
@@ -194,13 +194,13 @@ static wh_code sample(wh_ctx *c, const side *s, bench *b, uint64_t i, walk *w, p
 	return WH_OK;
 }
 
-static wh_code take_samples(wh_ctx *c, const side *s, bench *b, uint64_t first, uint32_t n)
+static wh_code take_samples(wh_ctx *c, const side *s, workspace *ws, uint64_t first, uint32_t n)
 {
 	const double total = s->from->area[s->from->pages];
 	walk w = {.page = page_at(s->from, (double)first / (double)s->samples * total)};
 	wh_code code = WH_OK;
 	for (uint32_t i = 0; code == WH_OK && i < n; i++)
-		code = sample(c, s, b, first + i, &w, &b->probe[i]);
+		code = sample(c, s, ws, first + i, &w, &ws->probe[i]);
 	return code;
 }
 
@@ -237,13 +237,13 @@ static void sort_digit(const uint32_t *key, uint32_t n, int shift, const uint32_
 
 /* Samples that follow each other are near each other: most of them need what the one before did.
  * Strata are no finer than faces, so they come in any order within one. */
-static void order_samples(bench *b, uint32_t n)
+static void order_samples(workspace *ws, uint32_t n)
 {
-	find_keys(b->probe, n, b->key);
+	find_keys(ws->probe, n, ws->key);
 	for (uint32_t i = 0; i < n; i++)
-		b->order[1][i] = i;
+		ws->order[1][i] = i;
 	for (int k = 0; k < 3; k++)
-		sort_digit(b->key, n, k * DIGIT_BITS, b->order[(k + 1) % 2], b->order[k % 2]);
+		sort_digit(ws->key, n, k * DIGIT_BITS, ws->order[(k + 1) % 2], ws->order[k % 2]);
 }
 
 /* ---- measuring ------------------------------------------------------------------------------ */
@@ -326,38 +326,38 @@ static void tell(const side *s, uint64_t n)
 		s->params->tell(s->params->tell_user, n);
 }
 
-static wh_code measure_samples(wh_ctx *c, const side *s, bench *b, uint64_t chunk,
+static wh_code measure_samples(wh_ctx *c, const side *s, workspace *ws, uint64_t chunk,
                                wh_chunk_sums *sums)
 {
 	const uint64_t first = chunk * CHUNK, left = s->samples - first;
 	const uint32_t n = left < CHUNK ? (uint32_t)left : CHUNK;
 	pair x = {.near = {WH_NONE, 0}};
-	wh_code code = take_samples(c, s, b, first, n);
+	wh_code code = take_samples(c, s, ws, first, n);
 	if (code == WH_OK)
-		order_samples(b, n);
+		order_samples(ws, n);
 	for (uint32_t i = 0; code == WH_OK && i < n; i++) {
-		x.from = &b->probe[b->order[0][i]];
-		code = wh_bvh_nearest(c, &b->to, x.from->p, &x.near, &x.d2);
-		x.to = code == WH_OK ? wh_bvh_page(c, &b->to, x.near.page) : NULL;
+		x.from = &ws->probe[ws->order[0][i]];
+		code = wh_bvh_nearest(c, &ws->to, x.from->p, &x.near, &x.d2);
+		x.to = code == WH_OK ? wh_bvh_page(c, &ws->to, x.near.page) : NULL;
 		if (!x.to)
 			return wh_failed(c);
-		add_pair(s, &x, sums, b->tally->bins);
+		add_pair(s, &x, sums, ws->tally->bins);
 	}
 	tell(s, n);
 	return code;
 }
 
 /* The vertices that no earlier page has. */
-static wh_code measure_page(wh_ctx *c, const side *s, bench *b, uint32_t page, wh_bvh_face *near,
-                            wh_chunk_sums *sums)
+static wh_code measure_page(wh_ctx *c, const side *s, workspace *ws, uint32_t page,
+                            wh_bvh_face *near, wh_chunk_sums *sums)
 {
 	const uint32_t own = s->from->entry[page].own;
-	const wh_page *g = wh_bvh_page(c, &b->from, page);
+	const wh_page *g = wh_bvh_page(c, &ws->from, page);
 	if (!g)
 		return wh_failed(c);
 	for (uint32_t v = 0; v < own; v++) {
 		double d2;
-		if (wh_bvh_nearest(c, &b->to, g->pos[v], near, &d2) != WH_OK)
+		if (wh_bvh_nearest(c, &ws->to, g->pos[v], near, &d2) != WH_OK)
 			return c->err.code;
 		raise(&sums->max2[region_of(s, page, near->page)], d2);
 	}
@@ -365,7 +365,7 @@ static wh_code measure_page(wh_ctx *c, const side *s, bench *b, uint32_t page, w
 	return WH_OK;
 }
 
-static wh_code measure_vertices(wh_ctx *c, const side *s, bench *b, uint64_t chunk,
+static wh_code measure_vertices(wh_ctx *c, const side *s, workspace *ws, uint64_t chunk,
                                 wh_chunk_sums *sums)
 {
 	const uint32_t first = (uint32_t)chunk * CHUNK_PAGES;
@@ -373,18 +373,18 @@ static wh_code measure_vertices(wh_ctx *c, const side *s, bench *b, uint64_t chu
 	wh_code code = WH_OK;
 	for (uint32_t i = first; code == WH_OK && i < s->from->pages && i - first < CHUNK_PAGES;
 	     i++)
-		code = measure_page(c, s, b, i, &near, sums);
+		code = measure_page(c, s, ws, i, &near, sums);
 	return code;
 }
 
-static wh_code measure_chunk(wh_ctx *c, const side *s, bench *b, uint64_t chunk)
+static wh_code measure_chunk(wh_ctx *c, const side *s, workspace *ws, uint64_t chunk)
 {
 	wh_chunk_sums sums = {0};
 	const wh_code code = chunk < s->sample_chunks
-	                         ? measure_samples(c, s, b, chunk, &sums)
-	                         : measure_vertices(c, s, b, chunk - s->sample_chunks, &sums);
+	                         ? measure_samples(c, s, ws, chunk, &sums)
+	                         : measure_vertices(c, s, ws, chunk - s->sample_chunks, &sums);
 	if (code == WH_OK)
-		wh_tally_add(b->tally, &sums);
+		wh_tally_add(ws->tally, &sums);
 	return code;
 }
 
@@ -396,7 +396,7 @@ static wh_code measure_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	for (uint64_t i = first; code == WH_OK && i < s->chunks && i - first < s->job_chunks; i++) {
 		code = wh_poll(c);
 		if (code == WH_OK)
-			code = measure_chunk(c, s, &s->bench[worker], i);
+			code = measure_chunk(c, s, &s->workspace[worker], i);
 	}
 	return code;
 }
@@ -410,17 +410,17 @@ typedef struct means {
 	uint32_t slots; /* of each worker, else */
 } means;
 
-static size_t bench_bytes(const side *s)
+static size_t workspace_bytes(const side *s)
 {
-	return sizeof(bench) + sizeof(wh_tally) + CHUNK * (sizeof(probe) + 3 * sizeof(uint32_t)) +
-	       wh_bvh_reader_bytes(s->from) + WH_BVH_SLOTS_LEAST * wh_bvh_slot_bytes(s->from) +
-	       wh_bvh_reader_bytes(s->to);
+	return sizeof(workspace) + sizeof(wh_tally) +
+	       CHUNK * (sizeof(probe) + 3 * sizeof(uint32_t)) + wh_bvh_reader_bytes(s->from) +
+	       WH_BVH_SLOTS_LEAST * wh_bvh_slot_bytes(s->from) + wh_bvh_reader_bytes(s->to);
 }
 
 /* Makes the most of so many bytes. */
 static wh_code find_means(wh_ctx *c, const wh_exec *ex, const side *s, size_t memory, means *m)
 {
-	const size_t each = bench_bytes(s), slot = wh_bvh_slot_bytes(s->to);
+	const size_t each = workspace_bytes(s), slot = wh_bvh_slot_bytes(s->to);
 	const size_t least = each + WH_BVH_SLOTS_LEAST * slot;
 	*m = (means){.ex = *ex, .open = true};
 	if (memory == 0 || (size_t)ex->workers * each + wh_bvh_open_bytes(s->to) <= memory)
@@ -439,37 +439,37 @@ static wh_code find_means(wh_ctx *c, const wh_exec *ex, const side *s, size_t me
 	return WH_OK;
 }
 
-static wh_code benches_make(wh_ctx *c, side *s, const means *m)
+static wh_code workspaces_make(wh_ctx *c, side *s, const means *m)
 {
-	s->bench = wh_calloc(c, (size_t)m->ex.workers, sizeof *s->bench);
-	for (int i = 0; s->bench && i < m->ex.workers; i++) {
-		bench *b = &s->bench[i];
-		b->tally = wh_calloc(c, 1, sizeof *b->tally);
-		b->probe = wh_alloc(c, CHUNK, sizeof *b->probe);
-		b->order[0] = wh_alloc(c, CHUNK, sizeof *b->order[0]);
-		b->order[1] = wh_alloc(c, CHUNK, sizeof *b->order[1]);
-		b->key = wh_alloc(c, CHUNK, sizeof *b->key);
+	s->workspace = wh_calloc(c, (size_t)m->ex.workers, sizeof *s->workspace);
+	for (int i = 0; s->workspace && i < m->ex.workers; i++) {
+		workspace *ws = &s->workspace[i];
+		ws->tally = wh_calloc(c, 1, sizeof *ws->tally);
+		ws->probe = wh_alloc(c, CHUNK, sizeof *ws->probe);
+		ws->order[0] = wh_alloc(c, CHUNK, sizeof *ws->order[0]);
+		ws->order[1] = wh_alloc(c, CHUNK, sizeof *ws->order[1]);
+		ws->key = wh_alloc(c, CHUNK, sizeof *ws->key);
 		if (c->err.code != WH_OK ||
-		    wh_bvh_reader_open(c, &b->from, s->from, 0, false) != WH_OK ||
-		    wh_bvh_reader_open(c, &b->to, s->to, m->slots, true) != WH_OK)
+		    wh_bvh_reader_open(c, &ws->from, s->from, 0, false) != WH_OK ||
+		    wh_bvh_reader_open(c, &ws->to, s->to, m->slots, true) != WH_OK)
 			break;
 	}
 	return c->err.code;
 }
 
-static void benches_free(wh_ctx *c, side *s, const means *m)
+static void workspaces_free(wh_ctx *c, side *s, const means *m)
 {
-	for (int i = 0; s->bench && i < m->ex.workers; i++) {
-		wh_bvh_reader_close(c, &s->bench[i].from);
-		wh_bvh_reader_close(c, &s->bench[i].to);
-		wh_free(c, s->bench[i].tally);
-		wh_free(c, s->bench[i].probe);
-		wh_free(c, s->bench[i].order[0]);
-		wh_free(c, s->bench[i].order[1]);
-		wh_free(c, s->bench[i].key);
+	for (int i = 0; s->workspace && i < m->ex.workers; i++) {
+		wh_bvh_reader_close(c, &s->workspace[i].from);
+		wh_bvh_reader_close(c, &s->workspace[i].to);
+		wh_free(c, s->workspace[i].tally);
+		wh_free(c, s->workspace[i].probe);
+		wh_free(c, s->workspace[i].order[0]);
+		wh_free(c, s->workspace[i].order[1]);
+		wh_free(c, s->workspace[i].key);
 	}
-	wh_free(c, s->bench);
-	s->bench = NULL;
+	wh_free(c, s->workspace);
+	s->workspace = NULL;
 }
 
 /* ---- one side ------------------------------------------------------------------------------- */
@@ -489,7 +489,7 @@ static wh_code measure(wh_ctx *c, side *s, const means *m, wh_tally *sum)
 	const wh_code code =
 	    wh_exec_for(c, &m->ex, (int64_t)pieces_of(s->chunks, s->job_chunks), measure_job, s);
 	for (int i = 0; code == WH_OK && i < m->ex.workers; i++)
-		wh_tally_join(sum, s->bench[i].tally);
+		wh_tally_join(sum, s->workspace[i].tally);
 	return code;
 }
 
@@ -571,10 +571,10 @@ static wh_code measure_side(comparison *k, int which, wh_tally *sum)
 		code = mark_band(k, &s, &m);
 	s.band = k->band;
 	if (code == WH_OK)
-		code = benches_make(c, &s, &m);
+		code = workspaces_make(c, &s, &m);
 	if (code == WH_OK)
 		code = measure(c, &s, &m, sum);
-	benches_free(c, &s, &m);
+	workspaces_free(c, &s, &m);
 	wh_bvh_close_all(c, k->t[1 - which]);
 	return code;
 }

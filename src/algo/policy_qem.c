@@ -93,7 +93,7 @@ static void add_boundary(const wh_engine *e)
 
 static wh_code make_room(wh_engine *e)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	if (wh_renew(e->c, &w->quadric, &w->cap_quadric, e->p->nv, sizeof *w->quadric) != WH_OK)
 		return e->c->err.code;
 	memset(w->quadric, 0, e->p->nv * sizeof *w->quadric);

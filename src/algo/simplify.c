@@ -34,12 +34,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-wh_simplify_work *wh_simplify_work_new(wh_ctx *c)
+wh_simplify_workspace *wh_simplify_workspace_new(wh_ctx *c)
 {
-	return wh_calloc(c, 1, sizeof(wh_simplify_work));
+	return wh_calloc(c, 1, sizeof(wh_simplify_workspace));
 }
 
-void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w)
+void wh_simplify_workspace_free(wh_ctx *c, wh_simplify_workspace *w)
 {
 	if (!w)
 		return;
@@ -63,7 +63,8 @@ size_t wh_simplify_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes)
 	const size_t vertex =
 	    sizeof(wh_star) + sizeof(wh_mark) + sizeof(wh_queue_link) + sizeof(uint32_t);
 	const size_t corners = 3 * sizeof(uint32_t);
-	return (size_t)nv * (vertex + slots) + (size_t)nf * corners + sizeof(wh_simplify_work) + 64;
+	return (size_t)nv * (vertex + slots) + (size_t)nf * corners +
+	       sizeof(wh_simplify_workspace) + 64;
 }
 
 /* ---- time, error, shape ------------------------------------------------------------------- */
@@ -438,7 +439,7 @@ static bool is_far(const wh_engine *e, uint32_t hub, uint32_t i)
 static wh_code try_edge(wh_engine *e, uint32_t hub, uint32_t i, uint32_t bucket,
                         bool allow_overshoot, verdict *out)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	wh_trial *t = &w->trial;
 	*out = REJECTED;
 	if (is_far(e, hub, i))
@@ -628,8 +629,8 @@ static bool must_reach(const wh_simplify_params *p)
 	return (p->target_faces || p->target_vertices) && !isfinite(p->max_err);
 }
 
-wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simplify_params *params,
-                    wh_simplify_result *result)
+wh_code wh_simplify(wh_ctx *c, wh_simplify_workspace *w, wh_patch *p,
+                    const wh_simplify_params *params, wh_simplify_result *result)
 {
 	*result = (wh_simplify_result){0};
 	wh_engine e = {.c = c,

@@ -83,11 +83,11 @@ void wh_simplify_result_note(wh_simplify_result *r, double cost, double weight, 
 /* Adds what another run did: sums and extremes. `exhausted` and `fixed` stay. */
 void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one);
 
-typedef struct wh_simplify_work wh_simplify_work;
+typedef struct wh_simplify_workspace wh_simplify_workspace;
 
 /* A workspace, to be reused for any number of patches by one thread at a time. */
-wh_simplify_work *wh_simplify_work_new(wh_ctx *c);
-void wh_simplify_work_free(wh_ctx *c, wh_simplify_work *w);
+wh_simplify_workspace *wh_simplify_workspace_new(wh_ctx *c);
+void wh_simplify_workspace_free(wh_ctx *c, wh_simplify_workspace *w);
 
 /* Bytes of workspace that a patch of these counts takes, the patch itself not included; without
  * those of a policy (wh_policy_bytes). */
@@ -108,8 +108,8 @@ size_t wh_simplify_attribute_bytes(const struct wh_attributes *as);
  *
  * On failure (memory, interruption) p is unusable but can be freed.
  */
-wh_code wh_simplify(wh_ctx *c, wh_simplify_work *w, wh_patch *p, const wh_simplify_params *params,
-                    wh_simplify_result *result);
+wh_code wh_simplify(wh_ctx *c, wh_simplify_workspace *w, wh_patch *p,
+                    const wh_simplify_params *params, wh_simplify_result *result);
 
 /* Upper end of a bin of the log, as a cost. */
 double wh_log_cost(uint32_t bin);

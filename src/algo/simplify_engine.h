@@ -174,7 +174,7 @@ typedef struct wh_mark {
 
 enum { WH_SPILL_CLASSES = 3 }; /* rings of up to 32, 64, 128 */
 
-struct wh_simplify_work {
+struct wh_simplify_workspace {
 	wh_trial trial;
 	wh_fan fan;
 	wh_surgery surgery;
@@ -215,7 +215,7 @@ typedef struct wh_manner {
 /* One run. */
 typedef struct wh_engine {
 	wh_ctx *c;
-	struct wh_simplify_work *w;
+	struct wh_simplify_workspace *w;
 	wh_patch *p;
 	const wh_simplify_params *params;
 	const wh_manner *manner;

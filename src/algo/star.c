@@ -29,7 +29,7 @@ static uint32_t class_room(uint32_t class)
 
 static wh_code spill_take(wh_engine *e, uint32_t class, uint32_t *at)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	uint32_t *free_head = &w->spill_free[class - 1];
 	if (*free_head != WH_NONE) {
 		*at = *free_head;
@@ -59,7 +59,7 @@ static wh_code set_slots(wh_engine *e, uint32_t v, const uint32_t *a, const uint
 	return wh_slots_set(e, v, slot);
 }
 
-static void spill_give(struct wh_simplify_work *w, uint32_t class, uint32_t at)
+static void spill_give(struct wh_simplify_workspace *w, uint32_t class, uint32_t at)
 {
 	w->spill[at] = w->spill_free[class - 1];
 	w->spill_free[class - 1] = at;
@@ -128,7 +128,7 @@ static inline void face_others(const uint32_t *t, uint32_t v, uint32_t *a, uint3
 /* Lists the faces of each vertex: corner[first[v]] to corner[first[v + 1]]. */
 static void list_faces(wh_engine *e)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	const wh_patch *p = e->p;
 	memset(w->first, 0, ((size_t)p->nv + 2) * sizeof *w->first);
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
@@ -148,7 +148,7 @@ typedef struct steps {
 
 enum { NO_STEP = UINT16_MAX };
 
-static wh_mark *mark_of(struct wh_simplify_work *w, uint32_t id)
+static wh_mark *mark_of(struct wh_simplify_workspace *w, uint32_t id)
 {
 	wh_mark *m = &w->mark[id];
 	if (m->tick != w->tick)
@@ -157,7 +157,7 @@ static wh_mark *mark_of(struct wh_simplify_work *w, uint32_t id)
 }
 
 /* Marks which step starts and which ends at each neighbour. False when two do. */
-static bool mark_steps(struct wh_simplify_work *w, const steps *s)
+static bool mark_steps(struct wh_simplify_workspace *w, const steps *s)
 {
 	bool single = true;
 	w->tick++;
@@ -174,7 +174,7 @@ static bool mark_steps(struct wh_simplify_work *w, const steps *s)
 
 /* Follows the steps from step i; with each neighbour in at most two of them, a walk through all
  * is one path or one cycle. Returns the number of neighbours, 0 when steps are left over. */
-static uint32_t walk(struct wh_simplify_work *w, steps *s, uint32_t i, bool closed)
+static uint32_t walk(struct wh_simplify_workspace *w, steps *s, uint32_t i, bool closed)
 {
 	for (uint32_t k = 0;; k++) {
 		s->ring[k] = s->a[i];
@@ -240,7 +240,7 @@ static wh_code set_ring(wh_engine *e, uint32_t v, const steps *s, uint32_t n, co
  * three vertices make a cycle of two: not manifold either. */
 static wh_code classify(wh_engine *e, uint32_t v)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	wh_star *star = &w->star[v];
 	const uint32_t *face = &w->corner[w->first[v]];
 	steps s;
@@ -303,7 +303,7 @@ static void keep_still(wh_engine *e)
 
 static wh_code make_room(wh_engine *e)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	const wh_patch *p = e->p;
 	if (wh_renew(e->c, &w->star, &w->cap_star, p->nv, sizeof *w->star) != WH_OK ||
 	    wh_renew(e->c, &w->mark, &w->cap_mark, p->nv, sizeof *w->mark) != WH_OK ||
@@ -331,7 +331,7 @@ static void sum_all(wh_engine *e)
 
 wh_code wh_stars_build(wh_engine *e)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	const wh_patch *p = e->p;
 	if (make_room(e) != WH_OK || (e->wedges && wh_wedges_begin(e) != WH_OK))
 		return e->c->err.code;

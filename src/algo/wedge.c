@@ -76,7 +76,7 @@ struct wh_wedge_plan {
 
 wh_code wh_wedges_begin(wh_engine *e)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	if (!w->wedge && !(w->wedge = wh_alloc(e->c, 1, sizeof *w->wedge)))
 		return e->c->err.code;
 	return wh_renew(e->c, &w->slot, &w->cap_slot, (size_t)e->p->nv * WH_RING_INLINE,
@@ -90,7 +90,7 @@ static uint32_t faces_of(const wh_star *s)
 
 wh_code wh_slots_set(wh_engine *e, uint32_t v, const uint32_t *face)
 {
-	struct wh_simplify_work *w = e->w;
+	struct wh_simplify_workspace *w = e->w;
 	if (wh_reserve(e->c, &w->spill_slot, &w->cap_spill_slot, w->spill_cap,
 	               sizeof *w->spill_slot) != WH_OK)
 		return e->c->err.code;

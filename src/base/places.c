@@ -66,7 +66,7 @@ wh_code wh_places_fill(wh_ctx *c, wh_places *p, const uint64_t *ids, uint32_t n)
 	return WH_OK;
 }
 
-uint32_t *wh_places_scratch(wh_ctx *c, wh_places *p, uint32_t n)
+uint32_t *wh_places_room(wh_ctx *c, wh_places *p, uint32_t n)
 {
 	if (wh_renew(c, &p->room, &p->cap, (size_t)n / 2 + 1, sizeof *p->room) != WH_OK)
 		return NULL;

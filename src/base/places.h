@@ -41,7 +41,7 @@ static inline size_t wh_places_bytes(uint64_t n, uint32_t bits)
 }
 
 /* Memory for n numbers, once the places are no longer needed. NULL: refused. */
-uint32_t *wh_places_scratch(wh_ctx *c, wh_places *p, uint32_t n);
+uint32_t *wh_places_room(wh_ctx *c, wh_places *p, uint32_t n);
 
 static inline uint32_t wh_places_count(uint32_t bits)
 {

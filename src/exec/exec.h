@@ -40,8 +40,13 @@ typedef struct wh_exec_loop {
  * for list scheduling is no more than the sum of the first two). */
 void wh_exec_note(wh_exec_stats *stats, const wh_exec_loop *loop);
 
-/* One job. `c` is the worker's own context; `worker` tells which of its caller's scratch
- * buffers this job may use. */
+/*
+ * One job. `c` is the worker's own context; `worker` tells which workspace is its own.
+ *
+ * A workspace is what one worker keeps from job to job: buffers, and what its jobs have found. The
+ * callers of loops have an array of them, one for each worker, where nobody else may look before
+ * the loop has ended or it is that worker's commit.
+ */
 typedef wh_code (*wh_job)(wh_ctx *c, void *arg, int64_t index, int worker);
 
 /* Threads this process may use: `asked`, or all of its affinity mask when asked is 0. */

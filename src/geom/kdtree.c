@@ -17,7 +17,7 @@ typedef struct builder {
 	wh_kdnode *node;
 	uint32_t used, cells;
 	double skew;
-	double *clear; /* scratch for coordinates to keep away from; NULL: there are none */
+	double *clear; /* room for coordinates to keep away from; NULL: there are none */
 } builder;
 
 /* Points to keep away from. */

@@ -75,7 +75,7 @@ static void cut_quad(const wh_vec3 *pos, uint32_t start, uint32_t *corners)
 
 /* Drops the axis along which the normal is longest and keeps the winding counter-clockwise.
  * Coordinates are relative to the start, so that far-off polygons keep their digits. */
-static void project(const wh_vec3 *pos, size_t n, uint32_t start, wh_polygon_scratch *s)
+static void project(const wh_vec3 *pos, size_t n, uint32_t start, wh_polygon_workspace *s)
 {
 	const wh_vec3 normal = newell(pos, n, start);
 	const double ax = fabs(normal.x), ay = fabs(normal.y), az = fabs(normal.z);
@@ -92,30 +92,30 @@ static void project(const wh_vec3 *pos, size_t n, uint32_t start, wh_polygon_scr
 }
 
 /* Twice the signed area of a, b, c in the plane. */
-static double turn(const wh_polygon_scratch *s, uint32_t a, uint32_t b, uint32_t c)
+static double turn(const wh_polygon_workspace *s, uint32_t a, uint32_t b, uint32_t c)
 {
 	return (s->x[b] - s->x[a]) * (s->y[c] - s->y[a]) -
 	       (s->x[c] - s->x[a]) * (s->y[b] - s->y[a]);
 }
 
-static bool same_point(const wh_polygon_scratch *s, uint32_t a, uint32_t b)
+static bool same_point(const wh_polygon_workspace *s, uint32_t a, uint32_t b)
 {
 	return s->x[a] == s->x[b] && s->y[a] == s->y[b];
 }
 
 /* Inside or on the edge of the triangle; its own corners' positions do not count. */
-static bool holds(const wh_polygon_scratch *s, uint32_t a, uint32_t b, uint32_t c, uint32_t p)
+static bool holds(const wh_polygon_workspace *s, uint32_t a, uint32_t b, uint32_t c, uint32_t p)
 {
 	return turn(s, a, b, p) >= 0 && turn(s, b, c, p) >= 0 && turn(s, c, a, p) >= 0 &&
 	       !same_point(s, a, p) && !same_point(s, b, p) && !same_point(s, c, p);
 }
 
-static void judge(wh_polygon_scratch *s, uint32_t i)
+static void judge(wh_polygon_workspace *s, uint32_t i)
 {
 	s->reflex[i] = turn(s, s->prev[i], i, s->next[i]) <= 0;
 }
 
-static bool is_ear(const wh_polygon_scratch *s, uint32_t i)
+static bool is_ear(const wh_polygon_workspace *s, uint32_t i)
 {
 	if (s->reflex[i])
 		return false;
@@ -127,7 +127,7 @@ static bool is_ear(const wh_polygon_scratch *s, uint32_t i)
 	return true;
 }
 
-static void link_corners(wh_polygon_scratch *s, uint32_t n)
+static void link_corners(wh_polygon_workspace *s, uint32_t n)
 {
 	for (uint32_t i = 0; i < n; i++) {
 		s->next[i] = i + 1 < n ? i + 1 : 0;
@@ -137,7 +137,7 @@ static void link_corners(wh_polygon_scratch *s, uint32_t n)
 		judge(s, i);
 }
 
-static void unlink_corner(wh_polygon_scratch *s, uint32_t i)
+static void unlink_corner(wh_polygon_workspace *s, uint32_t i)
 {
 	const uint32_t a = s->prev[i];
 	const uint32_t c = s->next[i];
@@ -147,7 +147,7 @@ static void unlink_corner(wh_polygon_scratch *s, uint32_t i)
 	judge(s, c);
 }
 
-static void cut_ears(uint32_t n, uint32_t start, uint32_t *corners, wh_polygon_scratch *s)
+static void cut_ears(uint32_t n, uint32_t start, uint32_t *corners, wh_polygon_workspace *s)
 {
 	uint32_t at = start;
 	for (uint32_t left = n; left > 3; left--) {
@@ -164,7 +164,7 @@ static void cut_ears(uint32_t n, uint32_t start, uint32_t *corners, wh_polygon_s
 }
 
 size_t wh_polygon_cut(const wh_vec3 *pos, const uint64_t *ids, size_t n, uint32_t *corners,
-                      wh_polygon_scratch *s)
+                      wh_polygon_workspace *s)
 {
 	const uint32_t start = smallest_id(ids, n);
 	if (n == 3) {

@@ -2,7 +2,7 @@
  * polygon: cuts a polygon into triangles by a rule from positions and ids alone.
  *
  * The result does not depend on which corner the list starts with, as long as the smallest id
- * occurs once. Thread-safe with one scratch per thread.
+ * occurs once. Thread-safe with one workspace per thread.
  */
 #ifndef WH_GEOM_POLYGON_H
 #define WH_GEOM_POLYGON_H
@@ -16,11 +16,11 @@
  * from the corner of smallest id. */
 enum { WH_POLYGON_MOST = 4096 };
 
-typedef struct wh_polygon_scratch {
+typedef struct wh_polygon_workspace {
 	double x[WH_POLYGON_MOST], y[WH_POLYGON_MOST]; /* corners in the polygon's plane */
 	uint32_t next[WH_POLYGON_MOST], prev[WH_POLYGON_MOST];
 	uint8_t reflex[WH_POLYGON_MOST];
-} wh_polygon_scratch;
+} wh_polygon_workspace;
 
 /*
  * Cuts the polygon of n corners (3 <= n <= WH_POLYGON_MOST) at positions `pos` with ids `ids`.
@@ -28,6 +28,6 @@ typedef struct wh_polygon_scratch {
  * returns their count. Works, if not prettily, on crossed, flat and zero-size polygons too.
  */
 size_t wh_polygon_cut(const wh_vec3 *pos, const uint64_t *ids, size_t n, uint32_t *corners,
-                      wh_polygon_scratch *s);
+                      wh_polygon_workspace *s);
 
 #endif

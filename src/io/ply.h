@@ -165,22 +165,22 @@ void wh_ply_vertex_source(const wh_ply *p, uint64_t base, wh_source *out);
 /* Exactly n bytes of the file at `offset`; WH_E_INPUT when it ends before them. Thread-safe. */
 wh_code wh_ply_pread(wh_ctx *c, const char *path, int fd, void *buf, size_t n, uint64_t offset);
 
-/* Bytes of scratch that reading n vertices or n triangles at once needs. */
+/* Bytes of `raw` that reading n vertices or n triangles at once needs. */
 size_t wh_source_vertex_bytes(const wh_source *s, size_t n);
 size_t wh_source_triangle_bytes(const wh_source *s, size_t n);
 
 /*
  * Reads vertices first .. first+n-1 into xyz (3n doubles). WH_E_INPUT for a truncated body or,
  * unless keep_invalid is set, a coordinate that is not finite (names the vertex). Thread-safe with
- * one scratch per thread.
+ * one `raw` per thread.
  */
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
-                           void *scratch);
+                           void *raw);
 
 /* Reads the attributes of the same vertices as records, one behind the other; only where there are
  * attributes. Failures and threads as above. */
 wh_code wh_source_attributes(wh_ctx *c, const wh_source *s, uint64_t first, size_t n,
-                             uint8_t *records, void *scratch);
+                             uint8_t *records, void *raw);
 
 /*
  * Reads triangles first .. first+n-1 into ids (3n indices, all < s->nv). WH_E_INPUT for a
@@ -188,7 +188,7 @@ wh_code wh_source_attributes(wh_ctx *c, const wh_source *s, uint64_t first, size
  * nothing recorded, when a stored corner count is not 3.
  */
 wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, uint64_t *ids,
-                            void *scratch);
+                            void *raw);
 
 /* How a mesh is written. */
 typedef struct wh_ply_style {

@@ -190,12 +190,12 @@ static wh_code check_finite(wh_ctx *c, const wh_source *s, uint64_t first, size_
 }
 
 wh_code wh_source_vertices(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, double *xyz,
-                           void *scratch)
+                           void *raw)
 {
 	const uint64_t at = s->vbase + first * s->vstride;
-	if (wh_ply_pread(c, s->path, s->vfd, scratch, n * s->vstride, at) != WH_OK)
+	if (wh_ply_pread(c, s->path, s->vfd, raw, n * s->vstride, at) != WH_OK)
 		return c->err.code;
-	decode_vertices(s, scratch, n, xyz);
+	decode_vertices(s, raw, n, xyz);
 	return s->keep_invalid ? WH_OK : check_finite(c, s, first, n, xyz);
 }
 
@@ -215,15 +215,15 @@ static void load_attributes(const wh_source *s, const unsigned char *from, size_
 }
 
 wh_code wh_source_attributes(wh_ctx *c, const wh_source *s, uint64_t first, size_t n,
-                             uint8_t *records, void *scratch)
+                             uint8_t *records, void *raw)
 {
 	const size_t size = s->attributes->bytes;
 	if (s->afd >= 0)
 		return wh_ply_pread(c, s->path, s->afd, records, n * size, s->abase + first * size);
-	if (wh_ply_pread(c, s->path, s->vfd, scratch, n * s->vstride,
-	                 s->vbase + first * s->vstride) != WH_OK)
+	if (wh_ply_pread(c, s->path, s->vfd, raw, n * s->vstride, s->vbase + first * s->vstride) !=
+	    WH_OK)
 		return c->err.code;
-	load_attributes(s, scratch, n, records);
+	load_attributes(s, raw, n, records);
 	return WH_OK;
 }
 
@@ -298,13 +298,13 @@ static wh_code check_range(wh_ctx *c, const wh_source *s, uint64_t first, size_t
 }
 
 wh_code wh_source_triangles(wh_ctx *c, const wh_source *s, uint64_t first, size_t n, uint64_t *ids,
-                            void *scratch)
+                            void *raw)
 {
 	const uint64_t at = s->fbase + first * s->fstride;
-	if (wh_ply_pread(c, s->path, s->ffd, scratch, n * s->fstride, at) != WH_OK)
+	if (wh_ply_pread(c, s->path, s->ffd, raw, n * s->fstride, at) != WH_OK)
 		return c->err.code;
-	if (!all_threes(s, scratch, n))
+	if (!all_threes(s, raw, n))
 		return WH_E_IRREGULAR;
-	decode_triangles(s, scratch, n, ids);
+	decode_triangles(s, raw, n, ids);
 	return check_range(c, s, first, n, ids);
 }

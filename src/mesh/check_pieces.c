@@ -43,7 +43,7 @@ typedef struct seam {
 	size_t cap_gid, cap_flag, cap_vertex, cap_tri, cap_face, cap_open, cap_size, cap_normal;
 } seam;
 
-struct wh_check_work {
+struct wh_check_workspace {
 	wh_check found; /* what is whole in the piece */
 	wh_face_sums sums;
 	seam seam;
@@ -257,7 +257,8 @@ static wh_code take_open_edges(wh_ctx *c, cutter *x)
 	return WH_OK;
 }
 
-static wh_code take_seam(wh_ctx *c, wh_check_work *w, const wh_checker *k, const wh_patch *piece)
+static wh_code take_seam(wh_ctx *c, wh_check_workspace *w, const wh_checker *k,
+                         const wh_patch *piece)
 {
 	cutter x = {.k = k, .piece = piece, .s = &w->seam};
 	if (mark_seam(c, &x) == WH_OK && take_vertices(c, &x, &w->components) == WH_OK &&
@@ -268,7 +269,7 @@ static wh_code take_seam(wh_ctx *c, wh_check_work *w, const wh_checker *k, const
 	return c->err.code;
 }
 
-wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece)
+wh_code wh_check_look(wh_ctx *c, wh_check_workspace *w, const wh_patch *piece)
 {
 	w->found = (wh_check){0};
 	w->sums = (wh_face_sums){0};
@@ -287,12 +288,12 @@ wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece)
 	return code;
 }
 
-wh_check_work *wh_check_work_new(wh_ctx *c)
+wh_check_workspace *wh_check_workspace_new(wh_ctx *c)
 {
-	return wh_calloc(c, 1, sizeof(wh_check_work));
+	return wh_calloc(c, 1, sizeof(wh_check_workspace));
 }
 
-void wh_check_work_free(wh_ctx *c, wh_check_work *w)
+void wh_check_workspace_free(wh_ctx *c, wh_check_workspace *w)
 {
 	if (w)
 		seam_free(c, &w->seam);
@@ -420,7 +421,7 @@ static void add_faces(wh_check_pieces *s, const seam *one)
 	all->nopen += one->nopen;
 }
 
-wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_work *w)
+wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_workspace *w)
 {
 	const seam *one = &w->seam;
 	seam *all = &s->seam;

@@ -17,14 +17,14 @@
 #include "mesh/patch.h"
 
 /* What a worker finds in a piece, and its tables: reused for the next one. */
-typedef struct wh_check_work wh_check_work;
+typedef struct wh_check_workspace wh_check_workspace;
 
 /* NULL, failure recorded, when memory is refused. */
-wh_check_work *wh_check_work_new(wh_ctx *c);
-void wh_check_work_free(wh_ctx *c, wh_check_work *w);
+wh_check_workspace *wh_check_workspace_new(wh_ctx *c);
+void wh_check_workspace_free(wh_ctx *c, wh_check_workspace *w);
 
-/* Looks at a piece. Depends on nothing but the piece. Thread-safe with one work for each. */
-wh_code wh_check_look(wh_ctx *c, wh_check_work *w, const wh_patch *piece);
+/* Looks at a piece. Depends on nothing but the piece. Thread-safe with one workspace for each. */
+wh_code wh_check_look(wh_ctx *c, wh_check_workspace *w, const wh_patch *piece);
 
 /* Bytes that looking at a piece takes beside it: about 40 a face, with an eighth of its faces
  * along cuts. More for loose faces, that have most of the boundary. */
@@ -37,7 +37,7 @@ wh_check_pieces *wh_check_pieces_new(wh_ctx *c);
 void wh_check_pieces_free(wh_ctx *c, wh_check_pieces *s);
 
 /* Adds what was found in a piece. On failure the sum can only be freed. */
-wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_work *w);
+wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_workspace *w);
 
 /*
  * Fills *r as wh_check_mesh does, from positions as the pieces have them. What is known from the

@@ -50,7 +50,7 @@ static void least_first(uint32_t *t)
 	}
 }
 
-/* Faces by their first vertex (counting sort; start: nv + 1 entries of scratch), with what they
+/* Faces by their first vertex (counting sort; start: room for nv + 1 entries), with what they
  * carry. */
 static void order_faces(const wh_patch *p, uint32_t *start, uint32_t *tri, uint8_t *face)
 {
@@ -131,7 +131,7 @@ size_t wh_patch_order_bytes(uint64_t nv, uint64_t nf, uint32_t face_bytes)
 	       (size_t)nf * (3 * sizeof(uint32_t) + face_bytes);
 }
 
-static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_work *w)
+static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_workspace *w)
 {
 	if (wh_renew(c, &w->at, &w->at_cap, 2 * (size_t)p->nv, sizeof(place)) != WH_OK ||
 	    wh_renew(c, &w->map, &w->map_cap, (size_t)p->nv + 1, sizeof *w->map) != WH_OK ||
@@ -142,17 +142,17 @@ static wh_code make_room(wh_ctx *c, const wh_patch *p, wh_order_work *w)
 	return WH_OK;
 }
 
-void wh_order_work_free(wh_ctx *c, wh_order_work *w)
+void wh_order_workspace_free(wh_ctx *c, wh_order_workspace *w)
 {
 	wh_free(c, w->at);
 	wh_free(c, w->map);
 	wh_free(c, w->room);
 	wh_free(c, w->tri);
 	wh_free(c, w->face);
-	*w = (wh_order_work){0};
+	*w = (wh_order_workspace){0};
 }
 
-wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_work *w)
+wh_code wh_patch_order(wh_ctx *c, wh_patch *p, wh_order_workspace *w)
 {
 	if (p->nv == 0)
 		return WH_OK; /* an empty cell may have no arrays */

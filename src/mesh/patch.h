@@ -67,7 +67,7 @@ static inline size_t wh_patch_bytes(uint64_t nv, uint64_t nf, uint32_t attr_byte
 
 void wh_patch_free(wh_ctx *c, wh_patch *p);
 
-/* Drops vertices without faces; keeps the order. `map` is scratch for nv entries. Returns the
+/* Drops vertices without faces; keeps the order. `map` has room for nv entries. Returns the
  * number dropped. */
 uint32_t wh_patch_compact(wh_patch *p, uint32_t *map);
 

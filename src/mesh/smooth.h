@@ -12,7 +12,7 @@
 
 /*
  * So many pairs of steps. Vertices on edges of one face, or of more than two, stay where they are.
- * Positions depend on the mesh alone. Bytes of scratch: wh_smooth_bytes.
+ * Positions depend on the mesh alone. Bytes that it takes: wh_smooth_bytes.
  */
 wh_code wh_smooth(wh_ctx *c, const wh_mesh *m, uint32_t times);
 size_t wh_smooth_bytes(uint64_t nv, uint64_t nf);

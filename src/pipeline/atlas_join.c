@@ -24,7 +24,7 @@ enum {
 #define PENDING (UINT64_C(1) << 63)
 
 /* What one worker needs. */
-typedef struct hand {
+typedef struct workspace {
 	void *raw;
 	double *xyz;
 	uint8_t *records; /* of the vertices at hand, as the source has them, ... */
@@ -33,14 +33,14 @@ typedef struct hand {
 	uint8_t *carried;   /* by the faces at hand */
 	unsigned char *out; /* vertices or faces as they are written */
 	size_t out_n, degenerate;
-} hand;
+} workspace;
 
 typedef struct join {
 	const wh_source *source;
 	const wh_atlas_params *params;
 	wh_progress *progress;
 	wh_spill *spill;
-	hand *hands;
+	workspace *workspace;
 	wh_rank kept;
 	wh_near twins;
 	uint64_t window, windows, first; /* first: id of the window at hand */
@@ -75,25 +75,25 @@ static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const join *j = arg;
 	const wh_source *s = j->source, *o = j->out;
-	hand *h = &j->hands[worker];
+	workspace *ws = &j->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&j->kept, first);
 	const size_t n = wh_chunk_items(s->nv, index, CHUNK), size = j->params->rest->bytes;
 	size_t stay = 0;
 	wh_progress_add(j->progress, n);
-	if (wh_source_vertices(c, s, first, n, h->xyz, h->raw) != WH_OK ||
-	    (size && wh_source_attributes(c, s, first, n, h->records, h->raw) != WH_OK))
+	if (wh_source_vertices(c, s, first, n, ws->xyz, ws->raw) != WH_OK ||
+	    (size && wh_source_attributes(c, s, first, n, ws->records, ws->raw) != WH_OK))
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
 		if (!wh_rank_get(&j->kept, first + i))
 			continue;
-		wh_plain_put_position(o, h->out + stay * o->vstride, h->xyz + 3 * i);
-		pick(s->attributes, h->records + i * s->attributes->bytes, j->params->rest,
-		     h->rest + stay++ * size);
+		wh_plain_put_position(o, ws->out + stay * o->vstride, ws->xyz + 3 * i);
+		pick(s->attributes, ws->records + i * s->attributes->bytes, j->params->rest,
+		     ws->rest + stay++ * size);
 	}
-	if (wh_spill_pwrite(c, j->spill, o->vfd, h->out, stay * o->vstride, at * o->vstride) !=
+	if (wh_spill_pwrite(c, j->spill, o->vfd, ws->out, stay * o->vstride, at * o->vstride) !=
 	    WH_OK)
 		return c->err.code;
-	return size ? wh_spill_pwrite(c, j->spill, o->vfd, h->rest, stay * size,
+	return size ? wh_spill_pwrite(c, j->spill, o->vfd, ws->rest, stay * size,
 	                              o->abase + at * size)
 	            : WH_OK;
 }
@@ -121,13 +121,13 @@ static wh_code window_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const join *j = arg;
 	const wh_source *s = j->source;
-	hand *h = &j->hands[worker];
+	workspace *ws = &j->workspace[worker];
 	const uint64_t at = (uint64_t)index * CHUNK;
 	const size_t n = wh_chunk_items(window_end(j) - j->first, index, CHUNK);
-	if (wh_source_attributes(c, s, j->first + at, n, h->records, h->raw) != WH_OK)
+	if (wh_source_attributes(c, s, j->first + at, n, ws->records, ws->raw) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
-		pick(s->attributes, h->records + i * s->attributes->bytes,
+		pick(s->attributes, ws->records + i * s->attributes->bytes,
 		     &j->params->wedges->corner, j->corner + (at + i) * corner_bytes(j));
 		j->map[at + i] = wh_rank_of(&j->kept, j->first + at + i);
 	}
@@ -151,52 +151,52 @@ static wh_code load_window(wh_ctx *c, const wh_exec *ex, join *j, uint64_t w)
 
 /* ---- corners ------------------------------------------------------------------------------ */
 
-static uint8_t *carried_by(const join *j, const hand *h, size_t face)
+static uint8_t *carried_by(const join *j, const workspace *ws, size_t face)
 {
-	return h->carried + face * j->params->wedges->bytes;
+	return ws->carried + face * j->params->wedges->bytes;
 }
 
 /* What the source has at a face itself lies behind its corners. */
-static void begin_carried(const join *j, const hand *h, size_t face, size_t from)
+static void begin_carried(const join *j, const workspace *ws, size_t face, size_t from)
 {
 	const wh_wedges *w = j->params->wedges;
 	const uint32_t size = w->face.bytes;
 	if (size)
-		memcpy(carried_by(j, h, face) + 3 * corner_bytes(j),
-		       (unsigned char *)h->raw + (from + 1) * j->source->fstride - size, size);
+		memcpy(carried_by(j, ws, face) + 3 * corner_bytes(j),
+		       (unsigned char *)ws->raw + (from + 1) * j->source->fstride - size, size);
 }
 
 /* Corners of n faces in the window at hand. */
-static void resolve(const join *j, hand *h, size_t n)
+static void resolve(const join *j, workspace *ws, size_t n)
 {
 	const size_t size = corner_bytes(j);
 	for (size_t i = 0; i < 3 * n; i++) {
-		const uint64_t at = (h->ids[i] & ~PENDING) - j->first;
-		if (!(h->ids[i] & PENDING) || at >= j->window)
+		const uint64_t at = (ws->ids[i] & ~PENDING) - j->first;
+		if (!(ws->ids[i] & PENDING) || at >= j->window)
 			continue;
-		h->ids[i] = j->map[at];
-		memcpy(carried_by(j, h, i / 3) + i % 3 * size, j->corner + at * size, size);
+		ws->ids[i] = j->map[at];
+		memcpy(carried_by(j, ws, i / 3) + i % 3 * size, j->corner + at * size, size);
 	}
 }
 
 /* Faces of a chunk for the first time: those that are triangles. */
-static wh_code read_faces(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+static wh_code read_faces(wh_ctx *c, const join *j, workspace *ws, int64_t index, size_t *n)
 {
 	const size_t all = wh_chunk_items(j->source->nf, index, CHUNK);
 	const wh_code code =
-	    wh_source_triangles(c, j->source, (uint64_t)index * CHUNK, all, h->ids, h->raw);
+	    wh_source_triangles(c, j->source, (uint64_t)index * CHUNK, all, ws->ids, ws->raw);
 	*n = 0;
 	if (code != WH_OK)
 		return code;
 	for (size_t i = 0; i < all; i++) {
-		const uint64_t *t = h->ids + 3 * i;
+		const uint64_t *t = ws->ids + 3 * i;
 		if (wh_plain_is_degenerate(t))
 			continue;
 		for (size_t k = 0; k < 3; k++)
-			h->ids[3 * *n + k] = t[k] | PENDING;
-		begin_carried(j, h, (*n)++, i);
+			ws->ids[3 * *n + k] = t[k] | PENDING;
+		begin_carried(j, ws, (*n)++, i);
 	}
-	h->degenerate = all - *n;
+	ws->degenerate = all - *n;
 	return WH_OK;
 }
 
@@ -208,59 +208,59 @@ static uint64_t corners_at(const join *j, int64_t index)
 	       (2 * sizeof(uint64_t) + CHUNK * (3 * sizeof(uint64_t) + j->params->wedges->bytes));
 }
 
-static wh_code read_corners(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+static wh_code read_corners(wh_ctx *c, const join *j, workspace *ws, int64_t index, size_t *n)
 {
 	uint64_t head[2], at = corners_at(j, index);
 	if (wh_spill_pread(c, j->spill, j->corners_fd, head, sizeof head, at) != WH_OK)
 		return c->err.code;
 	*n = (size_t)head[0];
-	h->degenerate = (size_t)head[1];
-	const size_t bytes = *n * 3 * sizeof *h->ids;
+	ws->degenerate = (size_t)head[1];
+	const size_t bytes = *n * 3 * sizeof *ws->ids;
 	at += sizeof head;
-	if (wh_spill_pread(c, j->spill, j->corners_fd, h->ids, bytes, at) != WH_OK)
+	if (wh_spill_pread(c, j->spill, j->corners_fd, ws->ids, bytes, at) != WH_OK)
 		return c->err.code;
-	return wh_spill_pread(c, j->spill, j->corners_fd, h->carried, *n * j->params->wedges->bytes,
-	                      at + bytes);
+	return wh_spill_pread(c, j->spill, j->corners_fd, ws->carried,
+	                      *n * j->params->wedges->bytes, at + bytes);
 }
 
-static wh_code write_corners(wh_ctx *c, const join *j, const hand *h, int64_t index, size_t n)
+static wh_code write_corners(wh_ctx *c, const join *j, const workspace *ws, int64_t index, size_t n)
 {
-	const uint64_t head[2] = {n, h->degenerate};
-	const size_t bytes = n * 3 * sizeof *h->ids;
+	const uint64_t head[2] = {n, ws->degenerate};
+	const size_t bytes = n * 3 * sizeof *ws->ids;
 	uint64_t at = corners_at(j, index);
 	j->waits[index] = wh_plain_no_span();
 	for (size_t i = 0; i < 3 * n; i++)
-		if (h->ids[i] & PENDING)
-			wh_plain_span_add(&j->waits[index], h->ids[i] & ~PENDING);
+		if (ws->ids[i] & PENDING)
+			wh_plain_span_add(&j->waits[index], ws->ids[i] & ~PENDING);
 	if (wh_spill_pwrite(c, j->spill, j->corners_fd, head, sizeof head, at) != WH_OK)
 		return c->err.code;
 	at += sizeof head;
-	if (wh_spill_pwrite(c, j->spill, j->corners_fd, h->ids, bytes, at) != WH_OK)
+	if (wh_spill_pwrite(c, j->spill, j->corners_fd, ws->ids, bytes, at) != WH_OK)
 		return c->err.code;
-	return wh_spill_pwrite(c, j->spill, j->corners_fd, h->carried, n * j->params->wedges->bytes,
-	                       at + bytes);
+	return wh_spill_pwrite(c, j->spill, j->corners_fd, ws->carried,
+	                       n * j->params->wedges->bytes, at + bytes);
 }
 
 /* The faces of a chunk, with all that is known in the window at hand. */
-static wh_code get_faces(wh_ctx *c, const join *j, hand *h, int64_t index, size_t *n)
+static wh_code get_faces(wh_ctx *c, const join *j, workspace *ws, int64_t index, size_t *n)
 {
 	const wh_code code =
-	    j->first == 0 ? read_faces(c, j, h, index, n) : read_corners(c, j, h, index, n);
+	    j->first == 0 ? read_faces(c, j, ws, index, n) : read_corners(c, j, ws, index, n);
 	if (code == WH_OK)
-		resolve(j, h, *n);
+		resolve(j, ws, *n);
 	return code;
 }
 
 static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const join *j = arg;
-	hand *h = &j->hands[worker];
+	workspace *ws = &j->workspace[worker];
 	size_t n = 0;
 	wh_progress_add(j->progress, wh_chunk_items(j->source->nf, index, CHUNK));
 	if (j->first > 0 && wh_plain_span_misses(&j->waits[index], j->first, j->window))
 		return WH_OK;
-	const wh_code code = get_faces(c, j, h, index, &n);
-	return code == WH_OK ? write_corners(c, j, h, index, n) : code;
+	const wh_code code = get_faces(c, j, ws, index, &n);
+	return code == WH_OK ? write_corners(c, j, ws, index, n) : code;
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
@@ -268,16 +268,16 @@ static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const join *j = arg;
-	hand *h = &j->hands[worker];
+	workspace *ws = &j->workspace[worker];
 	size_t n = 0;
-	const wh_code code = get_faces(c, j, h, index, &n);
-	h->out_n = 0;
+	const wh_code code = get_faces(c, j, ws, index, &n);
+	ws->out_n = 0;
 	for (size_t i = 0; code == WH_OK && i < n; i++) {
-		if (wh_plain_is_degenerate(h->ids + 3 * i))
-			h->degenerate++;
+		if (wh_plain_is_degenerate(ws->ids + 3 * i))
+			ws->degenerate++;
 		else
-			wh_plain_put_face(j->out, h->out + h->out_n++ * j->out->fstride,
-			                  h->ids + 3 * i, carried_by(j, h, i));
+			wh_plain_put_face(j->out, ws->out + ws->out_n++ * j->out->fstride,
+			                  ws->ids + 3 * i, carried_by(j, ws, i));
 	}
 	return code;
 }
@@ -285,13 +285,13 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	join *j = arg;
-	const hand *h = &j->hands[worker];
-	const size_t bytes = h->out_n * j->out->fstride;
-	j->result->degenerate_faces += h->degenerate;
-	j->out->nf += h->out_n;
+	const workspace *ws = &j->workspace[worker];
+	const size_t bytes = ws->out_n * j->out->fstride;
+	j->result->degenerate_faces += ws->degenerate;
+	j->out->nf += ws->out_n;
 	j->end += bytes;
 	wh_progress_add(j->progress, wh_chunk_items(j->source->nf, index, CHUNK));
-	return wh_spill_pwrite(c, j->spill, j->out->ffd, h->out, bytes, j->end - bytes);
+	return wh_spill_pwrite(c, j->spill, j->out->ffd, ws->out, bytes, j->end - bytes);
 }
 
 static wh_code open_windows(wh_ctx *c, join *j)
@@ -339,7 +339,7 @@ static size_t out_bytes(const wh_wedges *w)
 	return CHUNK * (3 * sizeof(double) + (size_t)w->bytes);
 }
 
-static size_t hand_bytes(const wh_source *s, const wh_wedges *w)
+static size_t workspace_bytes(const wh_source *s, const wh_wedges *w)
 {
 	return raw_bytes(s) + out_bytes(w) +
 	       CHUNK * (3 * sizeof(double) + 2 * (size_t)s->attributes->bytes +
@@ -359,7 +359,7 @@ static size_t bytes_of(const wh_source *s, const wh_wedges *w, int workers, uint
 	const size_t spans = (size_t)wh_chunks(s->nf, CHUNK) * sizeof(wh_plain_span);
 	const size_t twins = wh_twins_bytes(s, workers, window);
 	const size_t own = (size_t)window * (sizeof(uint64_t) + w->corner.bytes) + spans +
-	                   (size_t)workers * hand_bytes(s, w);
+	                   (size_t)workers * workspace_bytes(s, w);
 	return wh_rank_bytes(s->nv) + (twins > own ? twins : own) + 4096;
 }
 
@@ -401,37 +401,37 @@ static wh_code fit(wh_ctx *c, join *j, wh_exec *ex)
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-static wh_code open_hands(wh_ctx *c, join *j, int workers)
+static wh_code open_workspaces(wh_ctx *c, join *j, int workers)
 {
 	const wh_source *s = j->source;
 	const wh_wedges *w = j->params->wedges;
-	j->hands = wh_calloc(c, (size_t)workers, sizeof *j->hands);
-	for (int i = 0; j->hands && i < workers; i++) {
-		hand *h = &j->hands[i];
-		h->raw = wh_alloc(c, raw_bytes(s), 1);
-		h->xyz = wh_alloc(c, CHUNK, 3 * sizeof *h->xyz);
-		h->records = wh_alloc(c, CHUNK, s->attributes->bytes);
-		h->rest = wh_alloc(c, CHUNK, (size_t)j->params->rest->bytes + 1);
-		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
-		h->carried = wh_alloc(c, CHUNK, w->bytes);
-		h->out = wh_alloc(c, out_bytes(w), 1);
+	j->workspace = wh_calloc(c, (size_t)workers, sizeof *j->workspace);
+	for (int i = 0; j->workspace && i < workers; i++) {
+		workspace *ws = &j->workspace[i];
+		ws->raw = wh_alloc(c, raw_bytes(s), 1);
+		ws->xyz = wh_alloc(c, CHUNK, 3 * sizeof *ws->xyz);
+		ws->records = wh_alloc(c, CHUNK, s->attributes->bytes);
+		ws->rest = wh_alloc(c, CHUNK, (size_t)j->params->rest->bytes + 1);
+		ws->ids = wh_alloc(c, CHUNK, 3 * sizeof *ws->ids);
+		ws->carried = wh_alloc(c, CHUNK, w->bytes);
+		ws->out = wh_alloc(c, out_bytes(w), 1);
 	}
 	return c->err.code;
 }
 
 static void close_all(wh_ctx *c, join *j, int workers)
 {
-	for (int i = 0; j->hands && i < workers; i++) {
-		hand *h = &j->hands[i];
-		wh_free(c, h->raw);
-		wh_free(c, h->xyz);
-		wh_free(c, h->records);
-		wh_free(c, h->rest);
-		wh_free(c, h->ids);
-		wh_free(c, h->carried);
-		wh_free(c, h->out);
+	for (int i = 0; j->workspace && i < workers; i++) {
+		workspace *ws = &j->workspace[i];
+		wh_free(c, ws->raw);
+		wh_free(c, ws->xyz);
+		wh_free(c, ws->records);
+		wh_free(c, ws->rest);
+		wh_free(c, ws->ids);
+		wh_free(c, ws->carried);
+		wh_free(c, ws->out);
 	}
-	wh_free(c, j->hands);
+	wh_free(c, j->workspace);
 	wh_free(c, j->map);
 	wh_free(c, j->corner);
 	wh_free(c, j->waits);
@@ -443,7 +443,7 @@ static void close_all(wh_ctx *c, join *j, int workers)
 
 static wh_code rebuild(wh_ctx *c, const wh_exec *ex, join *j, int *fd)
 {
-	if (open_hands(c, j, ex->workers) != WH_OK)
+	if (open_workspaces(c, j, ex->workers) != WH_OK)
 		return c->err.code;
 	*fd = wh_spill_scratch(c, j->spill);
 	if (*fd < 0)

@@ -37,7 +37,7 @@ _Static_assert(CHUNK % WH_RANK_WORD == 0, "no two jobs have bits in one word");
 #define NOT_WELDED UINT64_MAX
 
 /* What one worker needs. */
-typedef struct hand {
+typedef struct workspace {
 	void *raw;
 	double *xyz;
 	uint8_t *records;
@@ -46,7 +46,7 @@ typedef struct hand {
 	size_t out_n;
 	wh_vec3 lo, hi; /* of the chunk at hand; lo > hi: nothing is finite */
 	wh_clean_result found;
-} hand;
+} workspace;
 
 typedef struct clean {
 	const wh_source *source;
@@ -54,7 +54,7 @@ typedef struct clean {
 	wh_progress *progress;
 	wh_spill *spill;
 	wh_clean_result *result;
-	hand *hands;
+	workspace *workspace;
 	wh_rank kept;
 	wh_vec3 lo, hi;
 	wh_near near;
@@ -76,23 +76,23 @@ static bool is_finite(const double *p)
 static wh_code scan_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	clean *k = arg;
-	hand *h = &k->hands[worker];
+	workspace *ws = &k->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
 	const size_t n = wh_chunk_items(k->source->nv, index, CHUNK);
-	h->lo = wh_v3(INFINITY, INFINITY, INFINITY);
-	h->hi = wh_v3(-INFINITY, -INFINITY, -INFINITY);
-	h->found = (wh_clean_result){0};
-	if (wh_source_vertices(c, k->source, first, n, h->xyz, h->raw) != WH_OK)
+	ws->lo = wh_v3(INFINITY, INFINITY, INFINITY);
+	ws->hi = wh_v3(-INFINITY, -INFINITY, -INFINITY);
+	ws->found = (wh_clean_result){0};
+	if (wh_source_vertices(c, k->source, first, n, ws->xyz, ws->raw) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
-		const double *p = h->xyz + 3 * i;
+		const double *p = ws->xyz + 3 * i;
 		if (!is_finite(p)) {
-			h->found.invalid_vertices++;
+			ws->found.invalid_vertices++;
 			continue;
 		}
 		k->kept.bits[(first + i) / WH_RANK_WORD] |= UINT64_C(1) << i % WH_RANK_WORD;
-		h->lo = wh_lower(h->lo, wh_v3(p[0], p[1], p[2]));
-		h->hi = wh_upper(h->hi, wh_v3(p[0], p[1], p[2]));
+		ws->lo = wh_lower(ws->lo, wh_v3(p[0], p[1], p[2]));
+		ws->hi = wh_upper(ws->hi, wh_v3(p[0], p[1], p[2]));
 	}
 	return WH_OK;
 }
@@ -101,10 +101,10 @@ static wh_code scan_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)c;
 	clean *k = arg;
-	const hand *h = &k->hands[worker];
-	k->lo = wh_lower(k->lo, h->lo);
-	k->hi = wh_upper(k->hi, h->hi);
-	k->result->invalid_vertices += h->found.invalid_vertices;
+	const workspace *ws = &k->workspace[worker];
+	k->lo = wh_lower(k->lo, ws->lo);
+	k->hi = wh_upper(k->hi, ws->hi);
+	k->result->invalid_vertices += ws->found.invalid_vertices;
 	wh_progress_add(k->progress, wh_chunk_items(k->source->nv, index, CHUNK));
 	return WH_OK;
 }
@@ -144,27 +144,27 @@ static wh_code weld(wh_ctx *c, const wh_exec *ex, clean *k)
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
-	hand *h = &k->hands[worker];
+	workspace *ws = &k->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK, at = wh_rank_of(&k->kept, first);
 	const size_t n = wh_chunk_items(k->source->nv, index, CHUNK);
 	const size_t record = k->out->attributes ? k->out->attributes->bytes : 0;
 	size_t stay = 0;
 	wh_progress_add(k->progress, n);
-	if (wh_source_vertices(c, k->source, first, n, h->xyz, h->raw) != WH_OK ||
-	    (record && wh_source_attributes(c, k->source, first, n, h->records, h->raw) != WH_OK))
+	if (wh_source_vertices(c, k->source, first, n, ws->xyz, ws->raw) != WH_OK ||
+	    (record && wh_source_attributes(c, k->source, first, n, ws->records, ws->raw) != WH_OK))
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
 		if (!wh_rank_get(&k->kept, first + i))
 			continue;
-		wh_plain_put_position(k->out, h->out + stay * k->out->vstride, h->xyz + 3 * i);
+		wh_plain_put_position(k->out, ws->out + stay * k->out->vstride, ws->xyz + 3 * i);
 		if (record && stay != i)
-			memmove(h->records + stay * record, h->records + i * record, record);
+			memmove(ws->records + stay * record, ws->records + i * record, record);
 		stay++;
 	}
-	if (wh_spill_pwrite(c, k->spill, k->out->vfd, h->out, stay * k->out->vstride,
+	if (wh_spill_pwrite(c, k->spill, k->out->vfd, ws->out, stay * k->out->vstride,
 	                    at * k->out->vstride) != WH_OK)
 		return c->err.code;
-	return record ? wh_spill_pwrite(c, k->spill, k->out->vfd, h->records, stay * record,
+	return record ? wh_spill_pwrite(c, k->spill, k->out->vfd, ws->records, stay * record,
 	                                k->out->abase + at * record)
 	              : WH_OK;
 }
@@ -221,14 +221,14 @@ static size_t carried_bytes(const wh_source *s)
 }
 
 /* Faces of a chunk for the first time. */
-static wh_code read_faces(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
+static wh_code read_faces(wh_ctx *c, const clean *k, workspace *ws, int64_t index, size_t n)
 {
 	const wh_code code =
-	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, n, h->ids, h->raw);
+	    wh_source_triangles(c, k->source, (uint64_t)index * CHUNK, n, ws->ids, ws->raw);
 	if (code != WH_OK)
 		return code;
 	for (size_t i = 0; i < n; i++) {
-		uint64_t *t = h->ids + 3 * i;
+		uint64_t *t = ws->ids + 3 * i;
 		const bool none = wh_plain_is_degenerate(t);
 		for (int corner = 0; corner < 3; corner++)
 			t[corner] = none ? NO_FACE : resolve(k, t[corner]);
@@ -242,51 +242,52 @@ static uint64_t corners_at(int64_t index)
 	return (uint64_t)index * CHUNK * 3 * sizeof(uint64_t);
 }
 
-static wh_code read_corners(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
+static wh_code read_corners(wh_ctx *c, const clean *k, workspace *ws, int64_t index, size_t n)
 {
-	if (wh_spill_pread(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
+	if (wh_spill_pread(c, k->spill, k->corners_fd, ws->ids, n * 3 * sizeof *ws->ids,
 	                   corners_at(index)) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < 3 * n; i++)
-		if (is_pending(h->ids[i]))
-			h->ids[i] = resolve(k, h->ids[i] & ~PENDING);
+		if (is_pending(ws->ids[i]))
+			ws->ids[i] = resolve(k, ws->ids[i] & ~PENDING);
 	return WH_OK;
 }
 
-static wh_code write_corners(wh_ctx *c, const clean *k, const hand *h, int64_t index, size_t n)
+static wh_code write_corners(wh_ctx *c, const clean *k, const workspace *ws, int64_t index,
+                             size_t n)
 {
 	k->waits[index] = wh_plain_no_span();
 	for (size_t i = 0; i < 3 * n; i++)
-		if (is_pending(h->ids[i]))
-			wh_plain_span_add(&k->waits[index], h->ids[i] & ~PENDING);
-	return wh_spill_pwrite(c, k->spill, k->corners_fd, h->ids, n * 3 * sizeof *h->ids,
+		if (is_pending(ws->ids[i]))
+			wh_plain_span_add(&k->waits[index], ws->ids[i] & ~PENDING);
+	return wh_spill_pwrite(c, k->spill, k->corners_fd, ws->ids, n * 3 * sizeof *ws->ids,
 	                       corners_at(index));
 }
 
 static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
-	hand *h = &k->hands[worker];
+	workspace *ws = &k->workspace[worker];
 	const size_t n = wh_chunk_items(k->source->nf, index, CHUNK);
 	wh_progress_add(k->progress, n);
 	if (k->first > 0 && wh_plain_span_misses(&k->waits[index], k->first, k->window))
 		return WH_OK;
 	const wh_code code =
-	    k->first == 0 ? read_faces(c, k, h, index, n) : read_corners(c, k, h, index, n);
-	return code == WH_OK ? write_corners(c, k, h, index, n) : code;
+	    k->first == 0 ? read_faces(c, k, ws, index, n) : read_corners(c, k, ws, index, n);
+	return code == WH_OK ? write_corners(c, k, ws, index, n) : code;
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
 
 /* The corners of a chunk in the last window; h->raw has what the faces carry, if they do. */
-static wh_code last_look(wh_ctx *c, const clean *k, hand *h, int64_t index, size_t n)
+static wh_code last_look(wh_ctx *c, const clean *k, workspace *ws, int64_t index, size_t n)
 {
 	const wh_source *s = k->source;
 	if (k->windows == 1)
-		return read_faces(c, k, h, index, n);
-	if (read_corners(c, k, h, index, n) != WH_OK)
+		return read_faces(c, k, ws, index, n);
+	if (read_corners(c, k, ws, index, n) != WH_OK)
 		return c->err.code;
-	return s->wedges ? wh_ply_pread(c, s->path, s->ffd, h->raw, n * s->fstride,
+	return s->wedges ? wh_ply_pread(c, s->path, s->ffd, ws->raw, n * s->fstride,
 	                                s->fbase + (uint64_t)index * CHUNK * s->fstride)
 	                 : WH_OK;
 }
@@ -294,23 +295,23 @@ static wh_code last_look(wh_ctx *c, const clean *k, hand *h, int64_t index, size
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const clean *k = arg;
-	hand *h = &k->hands[worker];
+	workspace *ws = &k->workspace[worker];
 	const size_t n = wh_chunk_items(k->source->nf, index, CHUNK), each = k->source->fstride;
 	const unsigned char *carried =
-	    (const unsigned char *)h->raw + each - carried_bytes(k->source);
-	const wh_code code = last_look(c, k, h, index, n);
-	h->found = (wh_clean_result){0};
-	h->out_n = 0;
+	    (const unsigned char *)ws->raw + each - carried_bytes(k->source);
+	const wh_code code = last_look(c, k, ws, index, n);
+	ws->found = (wh_clean_result){0};
+	ws->out_n = 0;
 	for (size_t i = 0; code == WH_OK && i < n; i++) {
-		const uint64_t *t = h->ids + 3 * i;
+		const uint64_t *t = ws->ids + 3 * i;
 		if (t[0] == NO_FACE)
-			h->found.degenerate_faces++;
+			ws->found.degenerate_faces++;
 		else if (t[0] == GONE || t[1] == GONE || t[2] == GONE)
-			h->found.invalid_faces++;
+			ws->found.invalid_faces++;
 		else if (wh_plain_is_degenerate(t))
-			h->found.collapsed_faces++;
+			ws->found.collapsed_faces++;
 		else
-			wh_plain_put_face(k->out, h->out + h->out_n++ * k->out->fstride, t,
+			wh_plain_put_face(k->out, ws->out + ws->out_n++ * k->out->fstride, t,
 			                  carried + i * each);
 	}
 	return code;
@@ -319,15 +320,15 @@ static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	clean *k = arg;
-	const hand *h = &k->hands[worker];
-	const size_t bytes = h->out_n * k->out->fstride;
-	k->result->invalid_faces += h->found.invalid_faces;
-	k->result->degenerate_faces += h->found.degenerate_faces;
-	k->result->collapsed_faces += h->found.collapsed_faces;
-	k->out->nf += h->out_n;
+	const workspace *ws = &k->workspace[worker];
+	const size_t bytes = ws->out_n * k->out->fstride;
+	k->result->invalid_faces += ws->found.invalid_faces;
+	k->result->degenerate_faces += ws->found.degenerate_faces;
+	k->result->collapsed_faces += ws->found.collapsed_faces;
+	k->out->nf += ws->out_n;
 	k->end += bytes;
 	wh_progress_add(k->progress, wh_chunk_items(k->source->nf, index, CHUNK));
-	return wh_spill_pwrite(c, k->spill, k->out->ffd, h->out, bytes, k->end - bytes);
+	return wh_spill_pwrite(c, k->spill, k->out->ffd, ws->out, bytes, k->end - bytes);
 }
 
 static wh_code open_windows(wh_ctx *c, clean *k)
@@ -365,7 +366,7 @@ static wh_code write_faces(wh_ctx *c, const wh_exec *ex, clean *k)
 
 /* ---- memory ------------------------------------------------------------------------------- */
 
-static size_t hand_bytes(const wh_source *s)
+static size_t workspace_bytes(const wh_source *s)
 {
 	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
 	const size_t record = s->attributes ? s->attributes->bytes : 0;
@@ -390,8 +391,8 @@ static size_t bytes_of(const wh_source *s, const wh_clean_params *p, int workers
 {
 	const size_t near = p->weld ? wh_near_bytes(s, workers, s->nv / window + 1) : 0;
 	const size_t map = window_bytes(s, p, window);
-	return wh_rank_bytes(s->nv) + (size_t)workers * hand_bytes(s) + (near > map ? near : map) +
-	       4096;
+	return wh_rank_bytes(s->nv) + (size_t)workers * workspace_bytes(s) +
+	       (near > map ? near : map) + 4096;
 }
 
 size_t wh_clean_bytes(const wh_source *source, const wh_clean_params *params, int workers)
@@ -430,34 +431,34 @@ static wh_code fit(wh_ctx *c, clean *k, size_t budget, wh_exec *ex)
 	return WH_OK;
 }
 
-static wh_code open_hands(wh_ctx *c, clean *k, int workers)
+static wh_code open_workspaces(wh_ctx *c, clean *k, int workers)
 {
 	const wh_source *s = k->source;
 	const size_t v = wh_source_vertex_bytes(s, CHUNK), f = wh_source_triangle_bytes(s, CHUNK);
-	k->hands = wh_calloc(c, (size_t)workers, sizeof *k->hands);
-	for (int i = 0; k->hands && i < workers; i++) {
-		hand *h = &k->hands[i];
-		h->raw = wh_alloc(c, v > f ? v : f, 1);
-		h->xyz = wh_alloc(c, CHUNK, 3 * sizeof *h->xyz);
+	k->workspace = wh_calloc(c, (size_t)workers, sizeof *k->workspace);
+	for (int i = 0; k->workspace && i < workers; i++) {
+		workspace *ws = &k->workspace[i];
+		ws->raw = wh_alloc(c, v > f ? v : f, 1);
+		ws->xyz = wh_alloc(c, CHUNK, 3 * sizeof *ws->xyz);
 		if (s->attributes)
-			h->records = wh_alloc(c, CHUNK, s->attributes->bytes);
-		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
-		h->out = wh_alloc(c, CHUNK, 3 * sizeof(double) + carried_bytes(s));
+			ws->records = wh_alloc(c, CHUNK, s->attributes->bytes);
+		ws->ids = wh_alloc(c, CHUNK, 3 * sizeof *ws->ids);
+		ws->out = wh_alloc(c, CHUNK, 3 * sizeof(double) + carried_bytes(s));
 	}
 	return c->err.code;
 }
 
 static void close_all(wh_ctx *c, clean *k, int workers)
 {
-	for (int i = 0; k->hands && i < workers; i++) {
-		hand *h = &k->hands[i];
-		wh_free(c, h->raw);
-		wh_free(c, h->xyz);
-		wh_free(c, h->records);
-		wh_free(c, h->ids);
-		wh_free(c, h->out);
+	for (int i = 0; k->workspace && i < workers; i++) {
+		workspace *ws = &k->workspace[i];
+		wh_free(c, ws->raw);
+		wh_free(c, ws->xyz);
+		wh_free(c, ws->records);
+		wh_free(c, ws->ids);
+		wh_free(c, ws->out);
 	}
-	wh_free(c, k->hands);
+	wh_free(c, k->workspace);
 	wh_free(c, k->map);
 	wh_free(c, k->waits);
 	wh_rank_close(c, &k->kept);
@@ -502,7 +503,7 @@ wh_code wh_clean(wh_ctx *c, const wh_exec *ex, wh_progress *progress, wh_spill *
 	*fd = -1;
 	if (fit(c, &k, budget, &own) != WH_OK)
 		return c->err.code;
-	wh_code code = open_hands(c, &k, own.workers);
+	wh_code code = open_workspaces(c, &k, own.workers);
 	if (code == WH_OK)
 		code = scan(c, &own, &k);
 	if (code == WH_OK && params->weld && result->invalid_vertices < source->nv)

@@ -19,8 +19,8 @@ typedef struct seat {
 	                   grouped, the cell that it lies in */
 } seat;
 
-struct wh_cluster_work {
-	wh_simplify_work *simplify;
+struct wh_cluster_workspace {
+	wh_simplify_workspace *simplify;
 	wh_patch micro;
 	seat *seat; /* per vertex */
 	size_t cap_v;
@@ -33,11 +33,11 @@ struct wh_cluster_work {
 	size_t cap_cells;
 };
 
-wh_cluster_work *wh_cluster_work_new(wh_ctx *c)
+wh_cluster_workspace *wh_cluster_workspace_new(wh_ctx *c)
 {
-	wh_cluster_work *w = wh_calloc(c, 1, sizeof *w);
+	wh_cluster_workspace *w = wh_calloc(c, 1, sizeof *w);
 	if (w)
-		w->simplify = wh_simplify_work_new(c);
+		w->simplify = wh_simplify_workspace_new(c);
 	if (w && !w->simplify) {
 		wh_free(c, w);
 		return NULL;
@@ -45,11 +45,11 @@ wh_cluster_work *wh_cluster_work_new(wh_ctx *c)
 	return w;
 }
 
-void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w)
+void wh_cluster_workspace_free(wh_ctx *c, wh_cluster_workspace *w)
 {
 	if (!w)
 		return;
-	wh_simplify_work_free(c, w->simplify);
+	wh_simplify_workspace_free(c, w->simplify);
 	wh_patch_free(c, &w->micro);
 	wh_free(c, w->seat);
 	wh_free(c, w->tri);
@@ -68,7 +68,7 @@ size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t 
 	return patch_bytes + cut_bytes + wh_simplify_bytes(nv, nf, face_bytes) + ((size_t)1 << 20);
 }
 
-static wh_code fit(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+static wh_code fit(wh_ctx *c, wh_cluster_workspace *w, const wh_patch *p, uint32_t cells)
 {
 	size_t cap_tri = w->cap_f;
 	if (wh_reserve(c, &w->seat, &w->cap_v, p->nv, sizeof *w->seat) != WH_OK ||
@@ -108,7 +108,7 @@ static void note_user(seat *s, uint32_t cell)
 }
 
 /* Finds the cell of each face and the owner of each vertex, and counts the faces of each cell. */
-static void place_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+static void place_faces(wh_cluster_workspace *w, const wh_patch *p, uint32_t cells)
 {
 	memset(w->start, 0, ((size_t)cells + 2) * sizeof *w->start);
 	for (uint32_t f = 0; f < p->nf; f++) {
@@ -123,7 +123,7 @@ static void place_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
 	}
 }
 
-static void group_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+static void group_faces(wh_cluster_workspace *w, const wh_patch *p, uint32_t cells)
 {
 	for (uint32_t k = 0; k < cells; k++)
 		w->start[k + 2] += w->start[k + 1];
@@ -136,7 +136,7 @@ static void group_faces(wh_cluster_work *w, const wh_patch *p, uint32_t cells)
 }
 
 /* Groups the faces of p by micro-cluster into w->tri and finds who uses each vertex. */
-static wh_code cut(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t cells)
+static wh_code cut(wh_ctx *c, wh_cluster_workspace *w, const wh_patch *p, uint32_t cells)
 {
 	if (fit(c, w, p, cells) != WH_OK)
 		return c->err.code;
@@ -156,7 +156,7 @@ static wh_code cut(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t ce
 /* ---- one micro-cluster -------------------------------------------------------------------- */
 
 /* Copies micro-cluster k out of p; its vertices' gid is their place in p. */
-static wh_code take_out(wh_ctx *c, wh_cluster_work *w, const wh_patch *p, uint32_t k)
+static wh_code take_out(wh_ctx *c, wh_cluster_workspace *w, const wh_patch *p, uint32_t k)
 {
 	const uint32_t nf = w->start[k + 1] - w->start[k];
 	wh_patch *m = &w->micro;
@@ -225,7 +225,7 @@ static wh_code pass_on(wh_ctx *c, void *to, const wh_collapse *one, const uint8_
 	return r->sink->put(c, r->sink->to, &outer, attr);
 }
 
-static wh_code reduce_micros(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
+static wh_code reduce_micros(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p,
                              const wh_cluster_params *params, wh_simplify_result *result)
 {
 	const uint32_t cells = (p->nf + params->micro_faces - 1) / params->micro_faces;
@@ -259,7 +259,7 @@ static bool micros_do(const wh_cluster_params *params)
 	       !all->target_faces && !all->target_vertices;
 }
 
-wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
+wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p,
                           const wh_cluster_params *params, wh_simplify_result *result)
 {
 	*result = (wh_simplify_result){0};
@@ -278,7 +278,7 @@ wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
 	return WH_OK;
 }
 
-wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_work *w, wh_patch *p, uint32_t piece_faces,
+wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p, uint32_t piece_faces,
                           uint32_t pieces, const wh_simplify_params *params, wh_survey *survey)
 {
 	const uint32_t cells = (p->nf + piece_faces - 1) / piece_faces;

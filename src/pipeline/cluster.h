@@ -16,16 +16,16 @@ typedef struct wh_cluster_params {
 	wh_simplify_params all; /* of the pass over the whole cluster; no target counts */
 } wh_cluster_params;
 
-typedef struct wh_cluster_work wh_cluster_work;
+typedef struct wh_cluster_workspace wh_cluster_workspace;
 
-wh_cluster_work *wh_cluster_work_new(wh_ctx *c);
-void wh_cluster_work_free(wh_ctx *c, wh_cluster_work *w);
+wh_cluster_workspace *wh_cluster_workspace_new(wh_ctx *c);
+void wh_cluster_workspace_free(wh_ctx *c, wh_cluster_workspace *w);
 
 /* Bytes that reducing (or surveying) a cluster of these measures takes, the patch included. */
 size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes);
 
 /* Reduces p in place. The result is that of the last pass, with the extremes of all. */
-wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_work *w, wh_patch *p,
+wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p,
                           const wh_cluster_params *params, wh_simplify_result *result);
 
 /* What a survey adds up. */
@@ -38,7 +38,7 @@ typedef struct wh_survey {
  * Cuts p into pieces of about piece_faces faces and decimates `pieces` of them, evenly spread, as
  * far as they go, adding to the survey. p is used up.
  */
-wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_work *w, wh_patch *p, uint32_t piece_faces,
+wh_code wh_cluster_survey(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p, uint32_t piece_faces,
                           uint32_t pieces, const wh_simplify_params *params, wh_survey *survey);
 
 #endif

@@ -9,10 +9,10 @@
 #include <string.h>
 
 /* What one worker needs. */
-typedef struct emit_hand {
-	wh_store_scratch scratch;
+typedef struct workspace {
+	wh_store_workspace load;
 	wh_patch patch;
-	wh_order_work order;
+	wh_order_workspace order;
 	double *xyz; /* of the vertices to write */
 	size_t xyz_cap;
 	uint32_t *number; /* in the output, per vertex */
@@ -20,7 +20,7 @@ typedef struct emit_hand {
 	wh_mesh_box box;
 	wh_atlas_room room;
 	wh_patch *p; /* what is written: the patch, or that with doubled vertices */
-} emit_hand;
+} workspace;
 
 /* One of the copies of a doubled cut vertex, which differ in their attributes. */
 typedef struct cut_copy {
@@ -33,7 +33,7 @@ typedef struct emit {
 	wh_progress *progress;
 	wh_mesh_out out;
 	double unscale; /* a power of two */
-	emit_hand *hands;
+	workspace *workspace;
 	const wh_ply_style *style;
 	bool counting; /* vertices are not written yet */
 	wh_idmap cut;  /* cut vertices: their number in the output; 1 + a place among the copies
@@ -44,15 +44,15 @@ typedef struct emit {
 	uint64_t *first; /* per cluster, and the end: number of its first vertex */
 } emit;
 
-static wh_code load_ordered(wh_ctx *c, const emit *e, emit_hand *h, int64_t k)
+static wh_code load_ordered(wh_ctx *c, const emit *e, workspace *ws, int64_t k)
 {
-	if (wh_store_load(c, e->store, (uint32_t)k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_store_load(c, e->store, (uint32_t)k, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	h->p = &h->patch;
-	if (wh_patch_order(c, &h->patch, &h->order) != WH_OK || !e->style->doubled)
+	ws->p = &ws->patch;
+	if (wh_patch_order(c, &ws->patch, &ws->order) != WH_OK || !e->style->doubled)
 		return c->err.code;
-	return wh_atlas_double(c, &h->patch, e->style->attributes, e->style->wedges,
-	                       e->style->doubled, &h->room, &h->p);
+	return wh_atlas_double(c, &ws->patch, e->style->attributes, e->style->wedges,
+	                       e->style->doubled, &ws->room, &ws->p);
 }
 
 /* ---- vertices ----------------------------------------------------------------------------- */
@@ -60,10 +60,10 @@ static wh_code load_ordered(wh_ctx *c, const emit *e, emit_hand *h, int64_t k)
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const emit *e = arg;
-	emit_hand *h = &e->hands[worker];
-	if (load_ordered(c, e, h, index) != WH_OK)
+	workspace *ws = &e->workspace[worker];
+	if (load_ordered(c, e, ws, index) != WH_OK)
 		return c->err.code;
-	return wh_reserve(c, &h->xyz, &h->xyz_cap, 3 * (size_t)h->p->nv, sizeof *h->xyz);
+	return wh_reserve(c, &ws->xyz, &ws->xyz_cap, 3 * (size_t)ws->p->nv, sizeof *ws->xyz);
 }
 
 /* Of the copies of a cut vertex, the one with such a record: 1 + its place; 0: there is none. */
@@ -118,8 +118,8 @@ static uint64_t number_of(const emit *e, const wh_patch *p, uint32_t v)
 static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	emit *e = arg;
-	emit_hand *h = &e->hands[worker];
-	const wh_patch *p = h->p;
+	workspace *ws = &e->workspace[worker];
+	const wh_patch *p = ws->p;
 	size_t n = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		bool ours = true;
@@ -128,16 +128,16 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 		if (!ours)
 			continue;
 		const wh_vec3 q = wh_scale(p->pos[v], e->unscale);
-		h->xyz[3 * n] = q.x;
-		h->xyz[3 * n + 1] = q.y;
-		h->xyz[3 * n + 2] = q.z;
+		ws->xyz[3 * n] = q.x;
+		ws->xyz[3 * n + 1] = q.y;
+		ws->xyz[3 * n + 2] = q.z;
 		if (p->attr_bytes && n < v)
 			memcpy(wh_patch_attr(p, (uint32_t)n), wh_patch_attr(p, v), p->attr_bytes);
 		n++;
 	}
 	e->first[index + 1] = e->first[index] + n;
 	wh_progress_add(e->progress, p->nf);
-	return e->counting ? WH_OK : wh_mesh_vertices(c, &e->out, h->xyz, p->attr, n);
+	return e->counting ? WH_OK : wh_mesh_vertices(c, &e->out, ws->xyz, p->attr, n);
 }
 
 /* ---- faces -------------------------------------------------------------------------------- */
@@ -145,20 +145,20 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const emit *e = arg;
-	emit_hand *h = &e->hands[worker];
-	if (load_ordered(c, e, h, index) != WH_OK)
+	workspace *ws = &e->workspace[worker];
+	if (load_ordered(c, e, ws, index) != WH_OK)
 		return c->err.code;
-	const wh_patch *p = h->p;
-	if (wh_reserve(c, &h->number, &h->number_cap, p->nv, sizeof *h->number) != WH_OK)
+	const wh_patch *p = ws->p;
+	if (wh_reserve(c, &ws->number, &ws->number_cap, p->nv, sizeof *ws->number) != WH_OK)
 		return c->err.code;
 	uint64_t next = e->first[index];
 	for (uint32_t v = 0; v < p->nv; v++) {
 		const uint64_t number = p->flag[v] & WH_CUT ? number_of(e, p, v) : next;
-		h->number[v] = (uint32_t)number;
+		ws->number[v] = (uint32_t)number;
 		next += number == next;
 	}
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		p->tri[i] = h->number[p->tri[i]];
+		p->tri[i] = ws->number[p->tri[i]];
 	return WH_OK;
 }
 
@@ -166,7 +166,7 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	emit *e = arg;
-	const wh_patch *p = e->hands[worker].p;
+	const wh_patch *p = e->workspace[worker].p;
 	wh_progress_add(e->progress, p->nf);
 	return wh_mesh_triangles(c, &e->out, p->tri, p->face_bytes ? p->face : NULL, p->nf);
 }
@@ -176,12 +176,12 @@ static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code box_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const emit *e = arg;
-	emit_hand *h = &e->hands[worker];
-	if (wh_store_load(c, e->store, (uint32_t)index, &h->scratch, &h->patch) != WH_OK)
+	workspace *ws = &e->workspace[worker];
+	if (wh_store_load(c, e->store, (uint32_t)index, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	for (uint32_t v = 0; v < h->patch.nv; v++) {
-		const wh_vec3 q = wh_scale(h->patch.pos[v], e->unscale);
-		wh_mesh_box_add(&h->box, (const double[3]){q.x, q.y, q.z});
+	for (uint32_t v = 0; v < ws->patch.nv; v++) {
+		const wh_vec3 q = wh_scale(ws->patch.pos[v], e->unscale);
+		wh_mesh_box_add(&ws->box, (const double[3]){q.x, q.y, q.z});
 	}
 	return WH_OK;
 }
@@ -192,21 +192,21 @@ static wh_code find_box(wh_ctx *c, const wh_exec *ex, emit *e, wh_mesh_box *box)
 	if (wh_exec_for(c, ex, e->store->clusters, box_job, e) != WH_OK)
 		return c->err.code;
 	for (int i = 0; i < ex->workers; i++)
-		wh_mesh_box_join(box, &e->hands[i].box);
+		wh_mesh_box_join(box, &e->workspace[i].box);
 	return WH_OK;
 }
 
 static wh_code facets_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const emit *e = arg;
-	return load_ordered(c, e, &e->hands[worker], index);
+	return load_ordered(c, e, &e->workspace[worker], index);
 }
 
 static wh_code facets_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	emit *e = arg;
-	const wh_patch *p = &e->hands[worker].patch;
+	const wh_patch *p = &e->workspace[worker].patch;
 	wh_progress_add(e->progress, (uint64_t)2 * p->nf);
 	return wh_mesh_facets(c, &e->out, &p->pos->x, e->unscale, p->tri, p->nf);
 }
@@ -217,23 +217,23 @@ size_t wh_emit_bytes(const wh_store *store, const struct wh_attributes *doubled,
                      uint64_t nf)
 {
 	return (doubled ? wh_atlas_room_bytes(nv, nf, doubled) : 0) +
-	       wh_store_scratch_bytes(store, nv, nf) +
+	       wh_store_workspace_bytes(store, nv, nf) +
 	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
 	       (size_t)nv * (24 + 4) + wh_patch_order_bytes(nv, nf, store->face_bytes);
 }
 
 /* Room for the largest cluster. */
-static wh_code hands_fit(wh_ctx *c, const emit *e, int workers)
+static wh_code workspaces_fit(wh_ctx *c, const emit *e, int workers)
 {
 	uint64_t nv, nf, faces, vertices;
 	if (wh_round_extent(c, e->store, &nv, &nf, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	for (int i = 0; i < workers; i++) {
-		emit_hand *h = &e->hands[i];
-		h->patch.attr_bytes = e->store->attr_bytes;
-		h->patch.face_bytes = e->store->face_bytes;
-		if (wh_store_scratch_fit(c, e->store, &h->scratch, nv, nf) != WH_OK ||
-		    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+		workspace *ws = &e->workspace[i];
+		ws->patch.attr_bytes = e->store->attr_bytes;
+		ws->patch.face_bytes = e->store->face_bytes;
+		if (wh_store_workspace_fit(c, e->store, &ws->load, nv, nf) != WH_OK ||
+		    wh_patch_reset(c, &ws->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 			return c->err.code;
 	}
 	return WH_OK;
@@ -290,19 +290,19 @@ wh_code wh_emit(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_st
 	          .progress = progress,
 	          .style = &style,
 	          .unscale = 1 / scale,
-	          .hands = wh_calloc(c, (size_t)ex->workers, sizeof *e.hands),
+	          .workspace = wh_calloc(c, (size_t)ex->workers, sizeof *e.workspace),
 	          .first = wh_calloc(c, (size_t)store->clusters + 1, sizeof *e.first)};
-	if (e.hands && e.first && hands_fit(c, &e, ex->workers) == WH_OK)
+	if (e.workspace && e.first && workspaces_fit(c, &e, ex->workers) == WH_OK)
 		(void)write_all(c, ex, &e, out, style, vertices, faces);
-	for (int i = 0; e.hands && i < ex->workers; i++) {
-		wh_store_scratch_free(c, &e.hands[i].scratch);
-		wh_patch_free(c, &e.hands[i].patch);
-		wh_order_work_free(c, &e.hands[i].order);
-		wh_free(c, e.hands[i].xyz);
-		wh_free(c, e.hands[i].number);
-		wh_atlas_room_free(c, &e.hands[i].room);
+	for (int i = 0; e.workspace && i < ex->workers; i++) {
+		wh_store_workspace_free(c, &e.workspace[i].load);
+		wh_patch_free(c, &e.workspace[i].patch);
+		wh_order_workspace_free(c, &e.workspace[i].order);
+		wh_free(c, e.workspace[i].xyz);
+		wh_free(c, e.workspace[i].number);
+		wh_atlas_room_free(c, &e.workspace[i].room);
 	}
-	wh_free(c, e.hands);
+	wh_free(c, e.workspace);
 	wh_free(c, e.first);
 	wh_mesh_free_out(c, &e.out);
 	wh_idmap_free(c, &e.cut);

@@ -13,7 +13,7 @@ void wh_facer_init(wh_facer *f, const wh_source *source)
 void wh_facer_close(wh_ctx *c, wh_facer *f)
 {
 	wh_positions_close(c, &f->positions);
-	wh_free(c, f->scratch);
+	wh_free(c, f->cutter);
 	wh_free(c, f->ids);
 	wh_free(c, f->which);
 	wh_free(c, f->pos);
@@ -74,12 +74,12 @@ static wh_code prepare(wh_ctx *c, wh_facer *f)
 {
 	if (f->positions.pages)
 		return WH_OK;
-	f->scratch = wh_alloc(c, 1, sizeof *f->scratch);
+	f->cutter = wh_alloc(c, 1, sizeof *f->cutter);
 	f->ids = wh_alloc(c, WH_POLYGON_MOST, sizeof *f->ids);
 	f->which = wh_alloc(c, WH_POLYGON_MOST, sizeof *f->which);
 	f->pos = wh_alloc(c, WH_POLYGON_MOST, sizeof *f->pos);
 	f->cut = wh_alloc(c, WH_POLYGON_MOST, 3 * sizeof *f->cut);
-	if (!f->scratch || !f->ids || !f->which || !f->pos || !f->cut)
+	if (!f->cutter || !f->ids || !f->which || !f->pos || !f->cut)
 		return c->err.code;
 	return wh_positions_open(c, &f->positions, f->source, WH_POSITIONS_MOST);
 }
@@ -147,7 +147,7 @@ static wh_code add_polygon(wh_ctx *c, wh_facer *f, const uint64_t *ids, size_t n
 	for (size_t i = 0; i < n; i++)
 		if (wh_positions_get(c, &f->positions, f->ids[i], &f->pos[i]) != WH_OK)
 			return c->err.code;
-	const size_t triangles = wh_polygon_cut(f->pos, f->ids, n, f->cut, f->scratch);
+	const size_t triangles = wh_polygon_cut(f->pos, f->ids, n, f->cut, f->cutter);
 	for (size_t i = 0; i < triangles; i++) {
 		const uint32_t *t = f->cut + 3 * i;
 		const uint32_t at[3] = {f->which[t[0]], f->which[t[1]], f->which[t[2]]};

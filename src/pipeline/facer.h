@@ -18,7 +18,7 @@ typedef struct wh_facer {
 	const uint8_t *carried; /* by the next face: records of its corners, then its own; NULL: not
 	                           known */
 	wh_positions positions; /* opened by the first polygon, as is all below it */
-	wh_polygon_scratch *scratch;
+	wh_polygon_workspace *cutter;
 	uint64_t *ids;       /* WH_POLYGON_MOST corners of the polygon at hand, ... */
 	uint32_t *which;     /* ... their places among all that it was given with, ... */
 	wh_vec3 *pos;        /* ... their positions, ... */

@@ -115,7 +115,7 @@ static wh_code make_room(wh_ctx *c, const wh_store *store, wh_patch *p)
 wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress, wh_patch *p,
                          uint64_t *unreferenced)
 {
-	wh_store_scratch scratch = {0};
+	wh_store_workspace ws = {0};
 	wh_patch one = {0};
 	copies cut = {0};
 	*unreferenced = 0;
@@ -124,13 +124,13 @@ wh_code wh_finish_stitch(wh_ctx *c, const wh_store *store, wh_progress *progress
 	for (uint32_t k = 0; code == WH_OK && k < store->clusters; k++) {
 		code = wh_poll(c);
 		if (code == WH_OK)
-			code = wh_store_load(c, store, k, &scratch, &one);
+			code = wh_store_load(c, store, k, &ws, &one);
 		if (code == WH_OK)
 			code = append(c, p, &one, &cut);
-		*unreferenced += scratch.unreferenced;
+		*unreferenced += ws.unreferenced;
 		wh_progress_add(progress, 1);
 	}
-	wh_store_scratch_free(c, &scratch);
+	wh_store_workspace_free(c, &ws);
 	wh_patch_free(c, &one);
 	if (code == WH_OK)
 		code = join_copies(c, p, &cut);

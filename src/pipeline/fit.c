@@ -10,19 +10,19 @@ enum {
 	BULK_FROM = 8       /* ... and one at least in samples of this size */
 };
 
-typedef struct bench {
+typedef struct workspace {
 	double *xyz;
 	void *raw;
 	wh_box box;
 	double lo[2], hi[2];
-} bench;
+} workspace;
 
 typedef struct pass {
 	const wh_source *src;
 	wh_progress *progress;
 	const wh_camera *camera; /* NULL: the first pass */
 	const wh_fit *fit;
-	bench *bench;
+	workspace *workspace;
 	double *sample[3]; /* one axis after the other */
 	uint64_t stride;
 } pass;
@@ -53,28 +53,28 @@ static size_t sample_size(const pass *p)
 
 /* ---- passes --------------------------------------------------------------------------------- */
 
-static wh_vec3 vertex_at(const bench *b, size_t i)
+static wh_vec3 vertex_at(const workspace *ws, size_t i)
 {
-	return wh_v3(b->xyz[3 * i], b->xyz[3 * i + 1], b->xyz[3 * i + 2]);
+	return wh_v3(ws->xyz[3 * i], ws->xyz[3 * i + 1], ws->xyz[3 * i + 2]);
 }
 
-static void look_for_box(const pass *p, bench *b, uint64_t first, size_t n)
+static void look_for_box(const pass *p, workspace *ws, uint64_t first, size_t n)
 {
 	for (size_t i = 0; i < n; i++) {
-		const wh_vec3 v = vertex_at(b, i);
-		b->box.lo = wh_lower(b->box.lo, v);
-		b->box.hi = wh_upper(b->box.hi, v);
+		const wh_vec3 v = vertex_at(ws, i);
+		ws->box.lo = wh_lower(ws->box.lo, v);
+		ws->box.hi = wh_upper(ws->box.hi, v);
 	}
 	const uint64_t from = (first + p->stride - 1) / p->stride;
 	for (uint64_t k = from; k * p->stride < first + n; k++)
 		for (size_t axis = 0; axis < 3; axis++)
-			p->sample[axis][k] = b->xyz[3 * (k * p->stride - first) + axis];
+			p->sample[axis][k] = ws->xyz[3 * (k * p->stride - first) + axis];
 }
 
-static void look_for_places(const pass *p, bench *b, size_t n)
+static void look_for_places(const pass *p, workspace *ws, size_t n)
 {
 	for (size_t i = 0; i < n; i++) {
-		const wh_vec3 v = vertex_at(b, i);
+		const wh_vec3 v = vertex_at(ws, i);
 		if (!inside(&p->fit->fence, v))
 			continue;
 		const wh_pixel_point q = wh_camera_project(p->camera, v);
@@ -82,8 +82,8 @@ static void look_for_places(const pass *p, bench *b, size_t n)
 			continue;
 		const double at[2] = {q.x, q.y};
 		for (int k = 0; k < 2; k++) {
-			b->lo[k] = at[k] < b->lo[k] ? at[k] : b->lo[k];
-			b->hi[k] = at[k] > b->hi[k] ? at[k] : b->hi[k];
+			ws->lo[k] = at[k] < ws->lo[k] ? at[k] : ws->lo[k];
+			ws->hi[k] = at[k] > ws->hi[k] ? at[k] : ws->hi[k];
 		}
 	}
 }
@@ -91,37 +91,38 @@ static void look_for_places(const pass *p, bench *b, size_t n)
 static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const pass *p = arg;
-	bench *b = &p->bench[worker];
+	workspace *ws = &p->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK, left = p->src->nv - first;
 	const size_t n = left < CHUNK ? (size_t)left : CHUNK;
-	if (wh_source_vertices(c, p->src, first, n, b->xyz, b->raw) != WH_OK)
+	if (wh_source_vertices(c, p->src, first, n, ws->xyz, ws->raw) != WH_OK)
 		return c->err.code;
 	if (p->camera)
-		look_for_places(p, b, n);
+		look_for_places(p, ws, n);
 	else
-		look_for_box(p, b, first, n);
+		look_for_box(p, ws, first, n);
 	wh_progress_add(p->progress, n);
 	return WH_OK;
 }
 
 size_t wh_fit_bytes(const wh_source *s, const wh_exec *ex)
 {
-	const size_t each = (size_t)CHUNK * 24 + wh_source_vertex_bytes(s, CHUNK) + sizeof(bench);
+	const size_t each =
+	    (size_t)CHUNK * 24 + wh_source_vertex_bytes(s, CHUNK) + sizeof(workspace);
 	return (size_t)ex->workers * each + (size_t)2 * SAMPLE * 24;
 }
 
 static wh_code open_pass(wh_ctx *c, const wh_exec *ex, pass *p)
 {
 	p->stride = p->src->nv / SAMPLE + 1;
-	p->bench = wh_calloc(c, (size_t)ex->workers, sizeof *p->bench);
-	for (int i = 0; p->bench && i < ex->workers; i++) {
+	p->workspace = wh_calloc(c, (size_t)ex->workers, sizeof *p->workspace);
+	for (int i = 0; p->workspace && i < ex->workers; i++) {
 		const wh_fit none = wh_fit_none();
-		bench *b = &p->bench[i];
-		*b = (bench){.box = none.box,
-		             .lo = {none.lo[0], none.lo[1]},
-		             .hi = {none.hi[0], none.hi[1]}};
-		b->xyz = wh_alloc(c, CHUNK, 3 * sizeof *b->xyz);
-		b->raw = wh_alloc(c, wh_source_vertex_bytes(p->src, CHUNK), 1);
+		workspace *ws = &p->workspace[i];
+		*ws = (workspace){.box = none.box,
+		                  .lo = {none.lo[0], none.lo[1]},
+		                  .hi = {none.hi[0], none.hi[1]}};
+		ws->xyz = wh_alloc(c, CHUNK, 3 * sizeof *ws->xyz);
+		ws->raw = wh_alloc(c, wh_source_vertex_bytes(p->src, CHUNK), 1);
 	}
 	for (int axis = 0; !p->camera && axis < 3; axis++)
 		p->sample[axis] = wh_alloc(c, sample_size(p), sizeof(double));
@@ -132,11 +133,11 @@ static void close_pass(wh_ctx *c, const wh_exec *ex, pass *p)
 {
 	for (int axis = 0; axis < 3; axis++)
 		wh_free(c, p->sample[axis]);
-	for (int i = 0; p->bench && i < ex->workers; i++) {
-		wh_free(c, p->bench[i].xyz);
-		wh_free(c, p->bench[i].raw);
+	for (int i = 0; p->workspace && i < ex->workers; i++) {
+		wh_free(c, p->workspace[i].xyz);
+		wh_free(c, p->workspace[i].raw);
 	}
-	wh_free(c, p->bench);
+	wh_free(c, p->workspace);
 }
 
 static wh_code run_pass(wh_ctx *c, const wh_exec *ex, pass *p)
@@ -228,7 +229,7 @@ wh_code wh_fit_box(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh
 		code = find_fence(c, &p, &fence);
 	if (code == WH_OK) {
 		for (int i = 0; i < ex->workers; i++)
-			widen(&all, &p.bench[i].box);
+			widen(&all, &p.workspace[i].box);
 		const wh_box box = box_inside(&p, &all, &fence);
 		widen(&f->box, &box);
 		widen(&f->fence, &fence);
@@ -244,8 +245,8 @@ wh_code wh_fit_camera(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const
 	const wh_code code = run_pass(c, ex, &p);
 	for (int i = 0; code == WH_OK && i < ex->workers; i++)
 		for (int axis = 0; axis < 2; axis++) {
-			f->lo[axis] = fmin(f->lo[axis], p.bench[i].lo[axis]);
-			f->hi[axis] = fmax(f->hi[axis], p.bench[i].hi[axis]);
+			f->lo[axis] = fmin(f->lo[axis], p.workspace[i].lo[axis]);
+			f->hi[axis] = fmax(f->hi[axis], p.workspace[i].hi[axis]);
 		}
 	close_pass(c, ex, &p);
 	return code;

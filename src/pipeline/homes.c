@@ -109,23 +109,23 @@ static wh_homes_range find_range(const uint64_t *corner, size_t n)
 }
 
 wh_code wh_homes_fill(wh_ctx *c, wh_homes *h, int64_t chunk, const uint64_t *corner, size_t n,
-                      uint16_t *scratch)
+                      uint16_t *room)
 {
 	if (h->first == h->base)
 		h->range[chunk] = find_range(corner, n);
 	if (!wh_homes_wants(h, chunk) || h->range[chunk].lo >= h->end)
 		return WH_OK;
-	const uint64_t off = (uint64_t)chunk * h->chunk_corners * sizeof *scratch;
+	const uint64_t off = (uint64_t)chunk * h->chunk_corners * sizeof *room;
 	const bool begun = h->range[chunk].lo < h->first; /* by an earlier window */
-	if (begun && wh_spill_pread(c, h->spill, h->corner_fd, scratch, n * sizeof *scratch, off))
+	if (begun && wh_spill_pread(c, h->spill, h->corner_fd, room, n * sizeof *room, off))
 		return c->err.code;
 	const uint64_t size = h->end - h->first;
 	for (size_t i = 0; i < n; i++)
 		if (corner[i] - h->first < size)
-			scratch[i] = h->table[corner[i] - h->first];
+			room[i] = h->table[corner[i] - h->first];
 		else if (!begun)
-			scratch[i] = 0;
-	return wh_spill_pwrite(c, h->spill, h->corner_fd, scratch, n * sizeof *scratch, off);
+			room[i] = 0;
+	return wh_spill_pwrite(c, h->spill, h->corner_fd, room, n * sizeof *room, off);
 }
 
 void wh_homes_filled(wh_ctx *c, wh_homes *h)

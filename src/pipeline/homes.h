@@ -62,10 +62,10 @@ wh_code wh_homes_window(wh_ctx *c, wh_homes *h, uint64_t w);
 /* True when the chunk may have corners in the window at hand. */
 bool wh_homes_wants(const wh_homes *h, int64_t chunk);
 
-/* Fills in the homes of those of the chunk's n corners that lie in the window. `scratch`: room for
+/* Fills in the homes of those of the chunk's n corners that lie in the window. `room`: for
  * as many. */
 wh_code wh_homes_fill(wh_ctx *c, wh_homes *h, int64_t chunk, const uint64_t *corner, size_t n,
-                      uint16_t *scratch);
+                      uint16_t *room);
 
 /* To be called after the last window: the memory that windows took is free again. */
 void wh_homes_filled(wh_ctx *c, wh_homes *h);

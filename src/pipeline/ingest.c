@@ -56,7 +56,7 @@ typedef struct stretch {
 } stretch;
 
 /* What one worker needs. */
-typedef struct bench {
+typedef struct workspace {
 	void *raw;
 	double *xyz;
 	uint8_t *attr;  /* records of the vertices at hand */
@@ -69,7 +69,7 @@ typedef struct bench {
 	size_t cuts;  /* of the vertices sent; their positions come first in xyz then */
 	uint64_t degenerate;
 	wh_vec3 lo, hi;
-} bench;
+} workspace;
 
 typedef struct ingest {
 	const wh_source *src;
@@ -78,7 +78,7 @@ typedef struct ingest {
 	wh_ingest_result *result;
 	const wh_ingest_params *params;
 	uint32_t clusters;
-	bench *worker;
+	workspace *workspace;
 	wh_kdtree tree;
 	wh_kdpoint *sample;
 	uint64_t stride; /* every stride-th vertex is in the sample */
@@ -121,31 +121,31 @@ static size_t sample_size(const wh_source *src, uint32_t clusters)
 	return (size_t)((src->nv + stride - 1) / stride);
 }
 
-static wh_vec3 vertex_at(const bench *b, size_t i)
+static wh_vec3 vertex_at(const workspace *ws, size_t i)
 {
-	return wh_v3(b->xyz[3 * i], b->xyz[3 * i + 1], b->xyz[3 * i + 2]);
+	return wh_v3(ws->xyz[3 * i], ws->xyz[3 * i + 1], ws->xyz[3 * i + 2]);
 }
 
 static wh_code bounds_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
 	const size_t n = wh_chunk_items(g->src->nv, index, CHUNK);
-	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
+	if (wh_source_vertices(c, g->src, first, n, ws->xyz, ws->raw) != WH_OK)
 		return c->err.code;
-	wh_digest_add(g->params->digest, wh_source_vertex_at(g->src, first), b->raw,
+	wh_digest_add(g->params->digest, wh_source_vertex_at(g->src, first), ws->raw,
 	              n * g->src->vstride);
-	wh_vec3 lo = vertex_at(b, 0), hi = lo;
+	wh_vec3 lo = vertex_at(ws, 0), hi = lo;
 	for (size_t i = 1; i < n; i++) {
-		lo = wh_lower(lo, vertex_at(b, i));
-		hi = wh_upper(hi, vertex_at(b, i));
+		lo = wh_lower(lo, vertex_at(ws, i));
+		hi = wh_upper(hi, vertex_at(ws, i));
 	}
-	b->lo = lo;
-	b->hi = hi;
+	ws->lo = lo;
+	ws->hi = hi;
 	const uint64_t from = (first + g->stride - 1) / g->stride;
 	for (uint64_t k = from; k * g->stride < first + n; k++)
-		g->sample[k] = (wh_kdpoint){vertex_at(b, (size_t)(k * g->stride - first)),
+		g->sample[k] = (wh_kdpoint){vertex_at(ws, (size_t)(k * g->stride - first)),
 		                            (double)(k * g->stride)};
 	return WH_OK;
 }
@@ -154,14 +154,14 @@ static wh_code bounds_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)c;
 	ingest *g = arg;
-	const bench *b = &g->worker[worker];
+	const workspace *ws = &g->workspace[worker];
 	wh_ingest_result *r = g->result;
 	if (index == 0) {
-		r->lo = b->lo;
-		r->hi = b->hi;
+		r->lo = ws->lo;
+		r->hi = ws->hi;
 	}
-	r->lo = wh_lower(r->lo, b->lo);
-	r->hi = wh_upper(r->hi, b->hi);
+	r->lo = wh_lower(r->lo, ws->lo);
+	r->hi = wh_upper(r->hi, ws->hi);
 	wh_progress_add(g->progress, wh_chunk_items(g->src->nv, index, CHUNK));
 	return WH_OK;
 }
@@ -207,40 +207,40 @@ static void choose_units(const ingest *g, size_t samples)
 static wh_code home_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	const uint64_t first = chunk_first(&g->span, index);
 	const size_t n = chunk_size(&g->span, index);
-	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK)
+	if (wh_source_vertices(c, g->src, first, n, ws->xyz, ws->raw) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
-		const wh_vec3 p = vertex_at(b, i);
-		b->home[i] = (uint16_t)wh_kdtree_cell(&g->tree, &p, first + i);
+		const wh_vec3 p = vertex_at(ws, i);
+		ws->home[i] = (uint16_t)wh_kdtree_cell(&g->tree, &p, first + i);
 	}
 	wh_progress_add(g->progress, n);
-	return wh_homes_put(c, &g->homes, first, n, b->home);
+	return wh_homes_put(c, &g->homes, first, n, ws->home);
 }
 
 /* ---- pass 3: faces ------------------------------------------------------------------------ */
 
-static wh_code read_faces(wh_ctx *c, const ingest *g, bench *b, int64_t index, size_t *n)
+static wh_code read_faces(wh_ctx *c, const ingest *g, workspace *ws, int64_t index, size_t *n)
 {
 	*n = chunk_size(&g->faces, index);
-	return wh_source_triangles(c, g->src, chunk_first(&g->faces, index), *n, b->ids, b->raw);
+	return wh_source_triangles(c, g->src, chunk_first(&g->faces, index), *n, ws->ids, ws->raw);
 }
 
 /* With windows: homes of the corners inside the window at hand. */
 static wh_code corners_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	size_t n;
 	wh_progress_add(g->progress, chunk_size(&g->faces, index));
 	if (!wh_homes_wants(&g->homes, index))
 		return WH_OK;
-	const wh_code code = read_faces(c, g, b, index, &n);
+	const wh_code code = read_faces(c, g, ws, index, &n);
 	if (code != WH_OK)
 		return code;
-	return wh_homes_fill(c, &g->homes, index, b->ids, 3 * n, b->home);
+	return wh_homes_fill(c, &g->homes, index, ws->ids, 3 * n, ws->home);
 }
 
 static wh_code find_corners(wh_ctx *c, const wh_exec *ex, ingest *g)
@@ -271,40 +271,40 @@ static bool is_degenerate(const uint64_t *t)
 }
 
 /* Chooses the cluster of a face and notes who is away from home for it. */
-static void place_face(bench *b, const uint64_t *t, const uint16_t *home)
+static void place_face(workspace *ws, const uint64_t *t, const uint16_t *home)
 {
 	const uint32_t k = wh_kdtree_majority(home[0], home[1], home[2]);
-	wh_parcel_add(&b->out, k);
+	wh_parcel_add(&ws->out, k);
 	for (int j = 0; j < 3; j++)
 		if (home[j] != k)
-			b->away[b->aways++] = wh_visit(t[j], k);
+			ws->away[ws->aways++] = wh_visit(t[j], k);
 }
 
 /* Degenerate faces are left out, and the corners of those behind them move up. */
-static void place_faces(bench *b, size_t n)
+static void place_faces(workspace *ws, size_t n)
 {
-	b->aways = b->degenerate = 0;
+	ws->aways = ws->degenerate = 0;
 	for (size_t i = 0; i < n; i++) {
-		const uint64_t *t = &b->ids[3 * i];
+		const uint64_t *t = &ws->ids[3 * i];
 		if (is_degenerate(t)) {
-			b->degenerate++;
+			ws->degenerate++;
 			continue;
 		}
-		place_face(b, t, &b->home[3 * i]);
-		if (b->degenerate)
-			memmove(&b->ids[3 * (i - b->degenerate)], t, 3 * sizeof *t);
+		place_face(ws, t, &ws->home[3 * i]);
+		if (ws->degenerate)
+			memmove(&ws->ids[3 * (i - ws->degenerate)], t, 3 * sizeof *t);
 	}
 }
 
 /* What faces carry lies behind their corners, and in a rewritten body none is degenerate. */
-static void put_faces(const ingest *g, bench *b)
+static void put_faces(const ingest *g, workspace *ws)
 {
 	const wh_source *s = g->src;
 	const size_t size = g->store->face_bytes;
-	const uint8_t *carried = (const uint8_t *)b->raw + s->fstride - size;
-	for (size_t i = 0; i < b->out.n; i++, carried += s->fstride) {
+	const uint8_t *carried = (const uint8_t *)ws->raw + s->fstride - size;
+	for (size_t i = 0; i < ws->out.n; i++, carried += s->fstride) {
 		uint8_t *end =
-		    wh_store_put_face(g->store, wh_parcel_put(&b->out, i), &b->ids[3 * i]);
+		    wh_store_put_face(g->store, wh_parcel_put(&ws->out, i), &ws->ids[3 * i]);
 		if (size)
 			memcpy(end, carried, size);
 	}
@@ -313,33 +313,34 @@ static void put_faces(const ingest *g, bench *b)
 static wh_code face_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	size_t n;
-	const wh_code code = read_faces(c, g, b, index, &n);
+	const wh_code code = read_faces(c, g, ws, index, &n);
 	if (code != WH_OK)
 		return code;
 	wh_digest_add(g->params->digest, wh_source_face_at(g->src, chunk_first(&g->faces, index)),
-	              b->raw, n * g->src->fstride);
-	if (wh_homes_corners(c, &g->homes, index, b->ids, 3 * n, b->home) != WH_OK ||
-	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) != WH_OK)
+	              ws->raw, n * g->src->fstride);
+	if (wh_homes_corners(c, &g->homes, index, ws->ids, 3 * n, ws->home) != WH_OK ||
+	    wh_parcel_begin(c, &ws->out, g->clusters, wh_store_face_bytes(g->store), CHUNK) !=
+	        WH_OK)
 		return c->err.code;
-	place_faces(b, n);
-	wh_parcel_lay_out(&b->out);
-	put_faces(g, b);
-	b->aways = wh_sort_unique(b->away, b->aways);
+	place_faces(ws, n);
+	wh_parcel_lay_out(&ws->out);
+	put_faces(g, ws);
+	ws->aways = wh_sort_unique(ws->away, ws->aways);
 	return WH_OK;
 }
 
 static wh_code face_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	const bench *b = &g->worker[worker];
-	g->result->degenerate += b->degenerate;
-	g->result->faces += b->out.n;
+	const workspace *ws = &g->workspace[worker];
+	g->result->degenerate += ws->degenerate;
+	g->result->faces += ws->out.n;
 	wh_progress_add(g->progress, chunk_size(&g->faces, index));
-	if (wh_visits_add(c, &g->visits, b->away, b->aways) != WH_OK)
+	if (wh_visits_add(c, &g->visits, ws->away, ws->aways) != WH_OK)
 		return c->err.code;
-	return wh_dispatch_faces(c, &g->out, &b->out);
+	return wh_dispatch_faces(c, &g->out, &ws->out);
 }
 
 /* ---- pass 4: vertices --------------------------------------------------------------------- */
@@ -373,22 +374,22 @@ static bool goes_home(const ingest *g, uint64_t gid, size_t at)
 
 /* Of vertices first .. first+n-1, those that are at home and those visiting; at home comes first.
  */
-static void add_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
+static void add_vertices(const ingest *g, workspace *ws, uint64_t first, size_t n)
 {
 	const wh_visits *v = &g->visits;
 	size_t at = wh_visits_find(v, first);
 	for (size_t i = 0; i < n; i++) {
 		if (goes_home(g, first + i, at))
-			wh_parcel_add(&b->out, b->home[i]);
+			wh_parcel_add(&ws->out, ws->home[i]);
 		for (; at < v->n && wh_visit_vertex(v->item[at]) == first + i; at++)
-			wh_parcel_add(&b->out, wh_visit_cluster(v->item[at]));
+			wh_parcel_add(&ws->out, wh_visit_cluster(v->item[at]));
 	}
 }
 
 /* The position has been sent: it may make room for that of the next cut vertex. */
-static void keep_cut(bench *b, size_t i)
+static void keep_cut(workspace *ws, size_t i)
 {
-	memmove(&b->xyz[3 * b->cuts++], &b->xyz[3 * i], 3 * sizeof *b->xyz);
+	memmove(&ws->xyz[3 * ws->cuts++], &ws->xyz[3 * i], 3 * sizeof *ws->xyz);
 }
 
 static uint32_t record_bytes(const wh_source *src)
@@ -396,7 +397,7 @@ static uint32_t record_bytes(const wh_source *src)
 	return src->attributes ? src->attributes->bytes : 0;
 }
 
-static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
+static void put_vertices(const ingest *g, workspace *ws, uint64_t first, size_t n)
 {
 	const uint32_t record = record_bytes(g->src);
 	const wh_visits *v = &g->visits;
@@ -405,19 +406,19 @@ static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 		const uint64_t gid = first + i;
 		if (!goes_home(g, gid, at))
 			continue;
-		const wh_vec3 p = wh_scale(vertex_at(b, i), g->result->scale);
+		const wh_vec3 p = wh_scale(vertex_at(ws, i), g->result->scale);
 		const size_t visited = at;
 		while (at < v->n && wh_visit_vertex(v->item[at]) == gid)
 			at++;
 		const uint8_t flag = at > visited ? WH_CUT | WH_NEVER : 0;
 		for (size_t k = visited; k <= at; k++) {
-			uint8_t *end = wh_store_put_vertex(g->store, wh_parcel_put(&b->out, sent++),
-			                                   gid, flag, p, 0);
+			uint8_t *end = wh_store_put_vertex(
+			    g->store, wh_parcel_put(&ws->out, sent++), gid, flag, p, 0);
 			if (record)
-				memcpy(end, b->attr + i * record, record);
+				memcpy(end, ws->attr + i * record, record);
 		}
 		if (at > visited)
-			keep_cut(b, i);
+			keep_cut(ws, i);
 	}
 }
 
@@ -425,43 +426,43 @@ static void put_vertices(const ingest *g, bench *b, uint64_t first, size_t n)
 static wh_code vertex_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	const uint64_t first = vertex_of_record(g, (uint64_t)index * CHUNK);
 	const size_t n = (size_t)(vertex_of_record(g, ((uint64_t)index + 1) * CHUNK) - first);
-	if (wh_source_vertices(c, g->src, first, n, b->xyz, b->raw) != WH_OK ||
+	if (wh_source_vertices(c, g->src, first, n, ws->xyz, ws->raw) != WH_OK ||
 	    (g->src->attributes &&
-	     wh_source_attributes(c, g->src, first, n, b->attr, b->raw) != WH_OK) ||
-	    wh_homes_get(c, &g->homes, first, n, b->home) != WH_OK ||
-	    wh_parcel_begin(c, &b->out, g->clusters, wh_store_vertex_bytes(g->store),
+	     wh_source_attributes(c, g->src, first, n, ws->attr, ws->raw) != WH_OK) ||
+	    wh_homes_get(c, &g->homes, first, n, ws->home) != WH_OK ||
+	    wh_parcel_begin(c, &ws->out, g->clusters, wh_store_vertex_bytes(g->store),
 	                    CHUNK + g->clusters) != WH_OK)
 		return c->err.code;
-	b->cuts = 0;
-	add_vertices(g, b, first, n);
-	wh_parcel_lay_out(&b->out);
-	put_vertices(g, b, first, n);
+	ws->cuts = 0;
+	add_vertices(g, ws, first, n);
+	wh_parcel_lay_out(&ws->out);
+	put_vertices(g, ws, first, n);
 	wh_progress_add(g->progress, n);
 	return WH_OK;
 }
 
-static wh_code list_cuts(wh_ctx *c, ingest *g, const bench *b)
+static wh_code list_cuts(wh_ctx *c, ingest *g, const workspace *ws)
 {
 	wh_cut_list *cuts = g->params->cuts;
-	if (!cuts || b->cuts == 0)
+	if (!cuts || ws->cuts == 0)
 		return WH_OK;
-	const size_t each = 3 * sizeof *b->xyz;
+	const size_t each = 3 * sizeof *ws->xyz;
 	const uint64_t at = cuts->n * each;
-	cuts->n += b->cuts;
-	return wh_spill_pwrite(c, g->store->spill, cuts->fd, b->xyz, b->cuts * each, at);
+	cuts->n += ws->cuts;
+	return wh_spill_pwrite(c, g->store->spill, cuts->fd, ws->xyz, ws->cuts * each, at);
 }
 
 static wh_code vertex_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	ingest *g = arg;
-	const bench *b = &g->worker[worker];
-	if (list_cuts(c, g, b) != WH_OK)
+	const workspace *ws = &g->workspace[worker];
+	if (list_cuts(c, g, ws) != WH_OK)
 		return c->err.code;
-	return wh_dispatch_vertices(c, &g->out, &b->out);
+	return wh_dispatch_vertices(c, &g->out, &ws->out);
 }
 
 static uint64_t count_vertices(const wh_visits *v)
@@ -539,7 +540,7 @@ void wh_ingest_describe(const wh_source *src, uint32_t clusters, wh_store *store
 	store->local_corners = false;
 }
 
-static size_t bench_bytes(const wh_source *src, const wh_ingest_params *params)
+static size_t workspace_bytes(const wh_source *src, const wh_ingest_params *params)
 {
 	wh_store store;
 	wh_ingest_describe(src, params->clusters, &store);
@@ -566,7 +567,7 @@ static size_t visits_room(const wh_ingest_params *params)
 size_t wh_ingest_bytes(const wh_source *src, const wh_exec *ex, const wh_ingest_params *params)
 {
 	const wh_homes_params hp = homes_params(src, params);
-	const size_t always = (size_t)ex->workers * bench_bytes(src, params) +
+	const size_t always = (size_t)ex->workers * workspace_bytes(src, params) +
 	                      wh_kdtree_bytes(params->clusters) +
 	                      (params->share ? wh_pieces_bytes(params->clusters) : 0) + 1024;
 	const size_t sample = sample_size(src, params->clusters) * sizeof(wh_kdpoint);
@@ -612,35 +613,35 @@ size_t wh_ingest_fit(const wh_source *src, size_t budget, wh_exec *ex, wh_ingest
 	return wh_ingest_bytes(src, ex, params);
 }
 
-static wh_code benches_make(wh_ctx *c, ingest *g, int workers)
+static wh_code workspaces_make(wh_ctx *c, ingest *g, int workers)
 {
-	g->worker = wh_calloc(c, (size_t)workers, sizeof *g->worker);
-	for (int i = 0; g->worker && i < workers; i++) {
-		bench *b = &g->worker[i];
-		b->raw = wh_alloc(c, raw_bytes(g->src), 1);
-		b->xyz = wh_alloc(c, CHUNK, 3 * sizeof *b->xyz);
+	g->workspace = wh_calloc(c, (size_t)workers, sizeof *g->workspace);
+	for (int i = 0; g->workspace && i < workers; i++) {
+		workspace *ws = &g->workspace[i];
+		ws->raw = wh_alloc(c, raw_bytes(g->src), 1);
+		ws->xyz = wh_alloc(c, CHUNK, 3 * sizeof *ws->xyz);
 		if (g->src->attributes)
-			b->attr = wh_alloc(c, CHUNK, record_bytes(g->src));
-		b->ids = wh_alloc(c, CHUNK, 3 * sizeof *b->ids);
-		b->home = wh_alloc(c, CHUNK, 3 * sizeof *b->home);
-		b->away = wh_alloc(c, CHUNK, 2 * sizeof *b->away);
+			ws->attr = wh_alloc(c, CHUNK, record_bytes(g->src));
+		ws->ids = wh_alloc(c, CHUNK, 3 * sizeof *ws->ids);
+		ws->home = wh_alloc(c, CHUNK, 3 * sizeof *ws->home);
+		ws->away = wh_alloc(c, CHUNK, 2 * sizeof *ws->away);
 	}
 	return c->err.code;
 }
 
-static void benches_free(wh_ctx *c, ingest *g, int workers)
+static void workspaces_free(wh_ctx *c, ingest *g, int workers)
 {
-	for (int i = 0; g->worker && i < workers; i++) {
-		bench *b = &g->worker[i];
-		wh_free(c, b->raw);
-		wh_free(c, b->xyz);
-		wh_free(c, b->attr);
-		wh_free(c, b->ids);
-		wh_free(c, b->home);
-		wh_free(c, b->away);
-		wh_parcel_free(c, &b->out);
+	for (int i = 0; g->workspace && i < workers; i++) {
+		workspace *ws = &g->workspace[i];
+		wh_free(c, ws->raw);
+		wh_free(c, ws->xyz);
+		wh_free(c, ws->attr);
+		wh_free(c, ws->ids);
+		wh_free(c, ws->home);
+		wh_free(c, ws->away);
+		wh_parcel_free(c, &ws->out);
 	}
-	wh_free(c, g->worker);
+	wh_free(c, g->workspace);
 }
 
 /* ---- all of it ---------------------------------------------------------------------------- */
@@ -711,12 +712,12 @@ static stretch part_of(uint64_t items, uint32_t part, uint32_t parts)
 static wh_code span_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	ingest *g = arg;
-	bench *b = &g->worker[worker];
+	workspace *ws = &g->workspace[worker];
 	size_t n;
-	const wh_code code = read_faces(c, g, b, index, &n);
+	const wh_code code = read_faces(c, g, ws, index, &n);
 	for (size_t i = 0; code == WH_OK && i < 3 * n; i++) {
-		b->used.first = b->ids[i] < b->used.first ? b->ids[i] : b->used.first;
-		b->used.end = b->ids[i] >= b->used.end ? b->ids[i] + 1 : b->used.end;
+		ws->used.first = ws->ids[i] < ws->used.first ? ws->ids[i] : ws->used.first;
+		ws->used.end = ws->ids[i] >= ws->used.end ? ws->ids[i] + 1 : ws->used.end;
 	}
 	return code;
 }
@@ -731,11 +732,11 @@ static wh_code choose_stretches(wh_ctx *c, const wh_exec *ex, ingest *g)
 	if (!share)
 		return WH_OK;
 	for (int i = 0; i < ex->workers; i++)
-		g->worker[i].used = g->vertices;
+		g->workspace[i].used = g->vertices;
 	g->result->face_reads += g->faces.end - g->faces.first;
 	const wh_code code = wh_exec_for(c, ex, chunks_in(&g->faces), span_job, g);
 	for (int i = 0; i < ex->workers; i++) {
-		const stretch *used = &g->worker[i].used;
+		const stretch *used = &g->workspace[i].used;
 		g->span.first = used->first < g->span.first ? used->first : g->span.first;
 		g->span.end = used->end > g->span.end ? used->end : g->span.end;
 	}
@@ -795,7 +796,7 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	            .result = result,
 	            .params = params,
 	            .clusters = params->clusters};
-	wh_code code = benches_make(c, &g, ex->workers);
+	wh_code code = workspaces_make(c, &g, ex->workers);
 	if (code == WH_OK)
 		code = build_tree(c, ex, &g);
 	if (code == WH_OK)
@@ -809,7 +810,7 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
 	wh_homes_close(c, &g.homes);
 	wh_free(c, g.sample);
 	wh_kdtree_free(c, &g.tree);
-	benches_free(c, &g, ex->workers);
+	workspaces_free(c, &g, ex->workers);
 	return code;
 }
 
@@ -841,7 +842,7 @@ wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	            .result = &found,
 	            .params = &params,
 	            .clusters = clusters};
-	wh_code code = benches_make(c, &g, ex->workers);
+	wh_code code = workspaces_make(c, &g, ex->workers);
 	if (code == WH_OK)
 		code = take_sample(c, ex, &g);
 	if (code == WH_OK) {
@@ -856,7 +857,7 @@ wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 		code = write_scan(c, spill, &scan, g.sample);
 	}
 	wh_free(c, g.sample);
-	benches_free(c, &g, ex->workers);
+	workspaces_free(c, &g, ex->workers);
 	return code;
 }
 

@@ -38,16 +38,16 @@ typedef struct inspection {
 /* ---- clusters of a store ------------------------------------------------------------------ */
 
 /* What one worker needs. */
-typedef struct eye {
-	wh_store_scratch scratch;
+typedef struct workspace {
+	wh_store_workspace load;
 	wh_patch patch;
-	wh_check_work *work;
-} eye;
+	wh_check_workspace *check;
+} workspace;
 
 typedef struct store_run {
 	const wh_store *store;
 	wh_progress *progress;
-	eye *eyes;
+	workspace *workspace;
 	uint64_t *order; /* of the clusters */
 	wh_check_pieces *sum;
 } store_run;
@@ -55,47 +55,47 @@ typedef struct store_run {
 static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const store_run *s = arg;
-	eye *e = &s->eyes[worker];
-	if (wh_store_load(c, s->store, (uint32_t)s->order[index], &e->scratch, &e->patch) != WH_OK)
+	workspace *ws = &s->workspace[worker];
+	if (wh_store_load(c, s->store, (uint32_t)s->order[index], &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	return wh_check_look(c, e->work, &e->patch);
+	return wh_check_look(c, ws->check, &ws->patch);
 }
 
 static wh_code look_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	store_run *s = arg;
-	const eye *e = &s->eyes[worker];
-	wh_progress_add(s->progress, e->patch.nf);
-	return wh_check_pieces_add(c, s->sum, e->work);
+	const workspace *ws = &s->workspace[worker];
+	wh_progress_add(s->progress, ws->patch.nf);
+	return wh_check_pieces_add(c, s->sum, ws->check);
 }
 
 /* With room for the largest cluster. */
-static wh_code eyes_make(wh_ctx *c, store_run *s, int workers, uint64_t max_v, uint64_t max_f)
+static wh_code workspaces_make(wh_ctx *c, store_run *s, int workers, uint64_t max_v, uint64_t max_f)
 {
-	s->eyes = wh_calloc(c, (size_t)workers, sizeof *s->eyes);
-	for (int i = 0; s->eyes && i < workers; i++) {
-		eye *e = &s->eyes[i];
-		e->work = wh_check_work_new(c);
-		e->patch.attr_bytes = s->store->attr_bytes;
-		e->patch.face_bytes = s->store->face_bytes;
-		if (!e->work ||
-		    wh_store_scratch_fit(c, s->store, &e->scratch, max_v, max_f) != WH_OK ||
-		    wh_patch_reset(c, &e->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
+	s->workspace = wh_calloc(c, (size_t)workers, sizeof *s->workspace);
+	for (int i = 0; s->workspace && i < workers; i++) {
+		workspace *ws = &s->workspace[i];
+		ws->check = wh_check_workspace_new(c);
+		ws->patch.attr_bytes = s->store->attr_bytes;
+		ws->patch.face_bytes = s->store->face_bytes;
+		if (!ws->check ||
+		    wh_store_workspace_fit(c, s->store, &ws->load, max_v, max_f) != WH_OK ||
+		    wh_patch_reset(c, &ws->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
 			break;
 	}
 	return c->err.code;
 }
 
-static void eyes_free(wh_ctx *c, store_run *s, int workers)
+static void workspaces_free(wh_ctx *c, store_run *s, int workers)
 {
-	for (int i = 0; s->eyes && i < workers; i++) {
-		wh_store_scratch_free(c, &s->eyes[i].scratch);
-		wh_patch_free(c, &s->eyes[i].patch);
-		wh_check_work_free(c, s->eyes[i].work);
+	for (int i = 0; s->workspace && i < workers; i++) {
+		wh_store_workspace_free(c, &s->workspace[i].load);
+		wh_patch_free(c, &s->workspace[i].patch);
+		wh_check_workspace_free(c, s->workspace[i].check);
 	}
-	wh_free(c, s->eyes);
-	s->eyes = NULL;
+	wh_free(c, s->workspace);
+	s->workspace = NULL;
 }
 
 wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
@@ -109,10 +109,10 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 	wh_progress_phase(progress, "check", faces);
 	s.sum = wh_check_pieces_new(c);
 	s.order = wh_round_longest_first(c, store);
-	code = eyes_make(c, &s, ex->workers, max_v, max_f);
+	code = workspaces_make(c, &s, ex->workers, max_v, max_f);
 	if (code == WH_OK)
 		code = wh_exec_gather(c, ex, store->clusters, look_job, look_commit, &s);
-	eyes_free(c, &s, ex->workers); /* before the seam is counted */
+	workspaces_free(c, &s, ex->workers); /* before the seam is counted */
 	wh_free(c, s.order);
 	if (code == WH_OK)
 		code = wh_check_pieces_end(c, s.sum, r);
@@ -122,7 +122,7 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 
 size_t wh_inspect_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
-	return wh_store_scratch_bytes(store, nv, nf) +
+	return wh_store_workspace_bytes(store, nv, nf) +
 	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) +
 	       wh_check_piece_bytes(nv, nf);
 }

@@ -250,8 +250,8 @@ wh_code wh_ledger_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, cons
 	                     (uint32_t)sizeof checksum + n);
 }
 
-bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster,
-                        wh_store_scratch *scratch, void *result, uint32_t n)
+bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, wh_store_workspace *ws,
+                        void *result, uint32_t n)
 {
 	uint8_t entry[SAVED_MOST];
 	uint64_t checksum, found;
@@ -260,9 +260,8 @@ bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster,
 	if (wh_ledger_bytes(&own, store->ledger, WH_LEDGER_SAVED, cluster) != bytes ||
 	    wh_ledger_get(&own, store->ledger, WH_LEDGER_SAVED, cluster, entry, bytes) != WH_OK)
 		return false;
-	if ((store->ledger->trusts
-	         ? wh_store_checksum(&own, store, cluster, &found)
-	         : wh_store_verify(&own, store, cluster, scratch, &found)) != WH_OK)
+	if ((store->ledger->trusts ? wh_store_checksum(&own, store, cluster, &found)
+	                           : wh_store_verify(&own, store, cluster, ws, &found)) != WH_OK)
 		return false;
 	memcpy(&checksum, entry, sizeof checksum);
 	if (checksum != found)

@@ -88,7 +88,7 @@ wh_code wh_ledger_get(wh_ctx *c, const wh_ledger *l, wh_ledger_kind kind, uint32
  */
 wh_code wh_ledger_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, const void *result,
                         uint32_t n);
-bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster,
-                        wh_store_scratch *scratch, void *result, uint32_t n);
+bool wh_ledger_is_saved(wh_ctx *c, const wh_store *store, uint32_t cluster, wh_store_workspace *ws,
+                        void *result, uint32_t n);
 
 #endif

@@ -69,7 +69,7 @@ typedef struct copy {
 } copy;
 
 /* What one worker needs. */
-typedef struct hand {
+typedef struct workspace {
 	void *raw;
 	double *xyz;
 	uint64_t *tag; /* id and colour of each of the chunk's vertices */
@@ -80,14 +80,14 @@ typedef struct hand {
 	size_t entries, entry_cap;
 	uint32_t *slot; /* first of a chain: its number + 1, or 0 */
 	size_t slots, slot_cap;
-} hand;
+} workspace;
 
 typedef struct search {
 	const wh_source *source;
 	wh_progress *progress;
 	wh_rank *kept;
 	wh_near *out;
-	hand *hands;
+	workspace *workspace;
 	bool exact;
 	double per_cell;     /* cells a unit */
 	double per_distance; /* distances a unit */
@@ -138,7 +138,7 @@ static int blocks_near(const search *s, int64_t at, int64_t *block)
 	return within < HALO || within >= size - HALO ? 2 : 1;
 }
 
-static void add_copies(const search *s, hand *h, const cell *k, uint32_t index)
+static void add_copies(const search *s, workspace *ws, const cell *k, uint32_t index)
 {
 	int64_t block[3][2];
 	int n[3];
@@ -148,7 +148,7 @@ static void add_copies(const search *s, hand *h, const cell *k, uint32_t index)
 		for (int y = 0; y < n[1]; y++)
 			for (int z = 0; z < n[2]; z++) {
 				const int64_t at[3] = {block[0][x], block[1][y], block[2][z]};
-				h->copies[h->n_copies++] = (copy){
+				ws->copies[ws->n_copies++] = (copy){
 				    bucket_of(s, hash_cell(at)), index, x == 0 && y == 0 && z == 0};
 			}
 }
@@ -156,25 +156,25 @@ static void add_copies(const search *s, hand *h, const cell *k, uint32_t index)
 static wh_code scatter_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
-	hand *h = &s->hands[worker];
+	workspace *ws = &s->workspace[worker];
 	const uint64_t first = (uint64_t)index * CHUNK;
 	const size_t n = wh_chunk_items(s->source->nv, index, CHUNK);
-	h->n_copies = 0;
-	if (wh_source_vertices(c, s->source, first, n, h->xyz, h->raw) != WH_OK)
+	ws->n_copies = 0;
+	if (wh_source_vertices(c, s->source, first, n, ws->xyz, ws->raw) != WH_OK)
 		return c->err.code;
 	for (uint32_t i = 0; i < n; i++) {
-		const double *p = h->xyz + 3 * (size_t)i;
+		const double *p = ws->xyz + 3 * (size_t)i;
 		if (!wh_rank_get(s->kept, first + i))
 			continue;
-		h->tag[i] = first + i;
+		ws->tag[i] = first + i;
 		if (s->exact) {
 			const uint64_t hash = wh_coincident_hash(wh_v3(p[0], p[1], p[2]));
-			h->copies[h->n_copies++] = (copy){bucket_of(s, hash), i, true};
+			ws->copies[ws->n_copies++] = (copy){bucket_of(s, hash), i, true};
 			continue;
 		}
 		const cell k = cell_of(s, p);
-		h->tag[i] |= colour_of(&k) << COLOUR_BIT;
-		add_copies(s, h, &k, i);
+		ws->tag[i] |= colour_of(&k) << COLOUR_BIT;
+		add_copies(s, ws, &k, i);
 	}
 	return WH_OK;
 }
@@ -207,14 +207,14 @@ static uint64_t get_record(const search *s, const unsigned char *from, double *p
 static wh_code scatter_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	search *s = arg;
-	const hand *h = &s->hands[worker];
-	for (size_t i = 0; i < h->n_copies; i++) {
-		const copy *k = &h->copies[i];
+	const workspace *ws = &s->workspace[worker];
+	for (size_t i = 0; i < ws->n_copies; i++) {
+		const copy *k = &ws->copies[i];
 		unsigned char *to = wh_bins_room(c, &s->buckets, k->bucket);
 		if (!to)
 			return c->err.code;
-		put_record(s, to, h->xyz + 3 * (size_t)k->index,
-		           h->tag[k->index] | (k->home ? HOME : 0));
+		put_record(s, to, ws->xyz + 3 * (size_t)k->index,
+		           ws->tag[k->index] | (k->home ? HOME : 0));
 	}
 	wh_progress_add(s->progress, wh_chunk_items(s->source->nv, index, CHUNK));
 	return WH_OK;
@@ -230,32 +230,32 @@ static uint64_t hash_place(const search *s, const double *p)
 	return hash_cell(k.at);
 }
 
-static void chain(const search *s, hand *h, uint32_t number)
+static void chain(const search *s, workspace *ws, uint32_t number)
 {
-	entry *e = &h->entry[number];
-	uint32_t *slot = &h->slot[hash_place(s, e->p) & (h->slots - 1)];
+	entry *e = &ws->entry[number];
+	uint32_t *slot = &ws->slot[hash_place(s, e->p) & (ws->slots - 1)];
 	e->next = *slot;
 	*slot = number + 1;
 }
 
 /* Keeps half of the slots empty. */
-static wh_code make_room(wh_ctx *c, const search *s, hand *h)
+static wh_code make_room(wh_ctx *c, const search *s, workspace *ws)
 {
-	if (wh_reserve(c, &h->entry, &h->entry_cap, h->entries + 1, sizeof *h->entry) != WH_OK)
+	if (wh_reserve(c, &ws->entry, &ws->entry_cap, ws->entries + 1, sizeof *ws->entry) != WH_OK)
 		return c->err.code;
-	if (2 * (h->entries + 1) <= h->slots)
+	if (2 * (ws->entries + 1) <= ws->slots)
 		return WH_OK;
-	const size_t slots = h->slots ? 2 * h->slots : 1024;
-	h->slots = 0;
+	const size_t slots = ws->slots ? 2 * ws->slots : 1024;
+	ws->slots = 0;
 	if (slots > UINT32_MAX / 2)
 		return wh_fail(c, WH_E_PLAN, "'%s' has too many vertices to be welded",
 		               s->source->path);
-	if (wh_renew(c, &h->slot, &h->slot_cap, slots, sizeof *h->slot) != WH_OK)
+	if (wh_renew(c, &ws->slot, &ws->slot_cap, slots, sizeof *ws->slot) != WH_OK)
 		return c->err.code;
-	h->slots = slots;
-	memset(h->slot, 0, slots * sizeof *h->slot);
-	for (uint32_t i = 0; i < h->entries; i++)
-		chain(s, h, i);
+	ws->slots = slots;
+	memset(ws->slot, 0, slots * sizeof *ws->slot);
+	for (uint32_t i = 0; i < ws->entries; i++)
+		chain(s, ws, i);
 	return WH_OK;
 }
 
@@ -271,11 +271,11 @@ static double distance_sq(const search *s, const double *p, const double *q)
 }
 
 /* The nearest that stays, of those in a chain. */
-static void look_in_chain(const search *s, const hand *h, uint64_t hash, const double *p,
+static void look_in_chain(const search *s, const workspace *ws, uint64_t hash, const double *p,
                           const entry **best, double *best_sq)
 {
-	for (uint32_t i = h->slot[hash & (h->slots - 1)]; i; i = h->entry[i - 1].next) {
-		const entry *e = &h->entry[i - 1];
+	for (uint32_t i = ws->slot[hash & (ws->slots - 1)]; i; i = ws->entry[i - 1].next) {
+		const entry *e = &ws->entry[i - 1];
 		if (s->exact) {
 			if (e->p[0] == p[0] && e->p[1] == p[1] && e->p[2] == p[2])
 				*best = e;
@@ -290,15 +290,15 @@ static void look_in_chain(const search *s, const hand *h, uint64_t hash, const d
 }
 
 /* The one that a vertex becomes; NULL: none. */
-static const entry *find_near(const search *s, const hand *h, const double *p)
+static const entry *find_near(const search *s, const workspace *ws, const double *p)
 {
 	const entry *best = NULL;
 	double best_sq = 0;
 	int64_t lo[3], hi[3], at[3];
-	if (h->slots == 0)
+	if (ws->slots == 0)
 		return NULL;
 	if (s->exact) {
-		look_in_chain(s, h, hash_place(s, p), p, &best, &best_sq);
+		look_in_chain(s, ws, hash_place(s, p), p, &best, &best_sq);
 		return best;
 	}
 	for (int i = 0; i < 3; i++) {
@@ -308,7 +308,7 @@ static const entry *find_near(const search *s, const hand *h, const double *p)
 	for (at[0] = lo[0]; at[0] <= hi[0]; at[0]++)
 		for (at[1] = lo[1]; at[1] <= hi[1]; at[1]++)
 			for (at[2] = lo[2]; at[2] <= hi[2]; at[2]++)
-				look_in_chain(s, h, hash_cell(at), p, &best, &best_sq);
+				look_in_chain(s, ws, hash_cell(at), p, &best, &best_sq);
 	return best;
 }
 
@@ -328,33 +328,33 @@ static wh_code note_pair(wh_ctx *c, const search *s, int worker, uint64_t id, ui
 
 /* A copy of a vertex may meet the other one, where two blocks share a bucket: then it is known what
  * becomes of both. */
-static wh_code settle(wh_ctx *c, const search *s, hand *h, int worker, const double *p,
+static wh_code settle(wh_ctx *c, const search *s, workspace *ws, int worker, const double *p,
                       uint64_t tag)
 {
 	const uint64_t id = tag & ID_MASK;
-	const entry *as = find_near(s, h, p);
+	const entry *as = find_near(s, ws, p);
 	if (as)
 		return as->id != id && (tag & HOME) ? note_pair(c, s, worker, id, as->id) : WH_OK;
-	if (make_room(c, s, h) != WH_OK)
+	if (make_room(c, s, ws) != WH_OK)
 		return c->err.code;
-	const uint32_t number = (uint32_t)h->entries++;
-	h->entry[number] = (entry){.p = {p[0], p[1], p[2]}, .id = id};
-	chain(s, h, number);
+	const uint32_t number = (uint32_t)ws->entries++;
+	ws->entry[number] = (entry){.p = {p[0], p[1], p[2]}, .id = id};
+	chain(s, ws, number);
 	return WH_OK;
 }
 
-static wh_code settle_colour(wh_ctx *c, const search *s, hand *h, int worker, uint32_t bucket,
+static wh_code settle_colour(wh_ctx *c, const search *s, workspace *ws, int worker, uint32_t bucket,
                              uint64_t colour)
 {
 	for (size_t k = 0; k < s->buckets.bin[bucket].blocks; k++) {
 		size_t n;
 		double p[3];
-		if (wh_bins_read(c, &s->buckets, bucket, k, h->block, &n) != WH_OK)
+		if (wh_bins_read(c, &s->buckets, bucket, k, ws->block, &n) != WH_OK)
 			return c->err.code;
 		for (size_t i = 0; i < n; i++) {
-			const uint64_t tag = get_record(s, h->block + i * s->record, p);
+			const uint64_t tag = get_record(s, ws->block + i * s->record, p);
 			if ((tag >> COLOUR_BIT & (COLOURS - 1)) == colour &&
-			    settle(c, s, h, worker, p, tag) != WH_OK)
+			    settle(c, s, ws, worker, p, tag) != WH_OK)
 				return c->err.code;
 		}
 	}
@@ -364,13 +364,13 @@ static wh_code settle_colour(wh_ctx *c, const search *s, hand *h, int worker, ui
 static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
-	hand *h = &s->hands[worker];
+	workspace *ws = &s->workspace[worker];
 	const uint32_t bucket = (uint32_t)index;
-	h->entries = 0;
-	if (h->slots)
-		memset(h->slot, 0, h->slots * sizeof *h->slot);
+	ws->entries = 0;
+	if (ws->slots)
+		memset(ws->slot, 0, ws->slots * sizeof *ws->slot);
 	for (uint64_t colour = 0; colour < (s->exact ? 1 : COLOURS); colour++)
-		if (settle_colour(c, s, h, worker, bucket, colour) != WH_OK)
+		if (settle_colour(c, s, ws, worker, bucket, colour) != WH_OK)
 			return c->err.code;
 	wh_progress_add(s->progress, s->source->nv / s->nbuckets);
 	return WH_OK;
@@ -422,7 +422,7 @@ static wh_code choose_cells(wh_ctx *c, search *s, const wh_near_params *p)
 	return WH_OK;
 }
 
-static size_t hand_bytes(const wh_source *source)
+static size_t workspace_bytes(const wh_source *source)
 {
 	return wh_source_vertex_bytes(source, CHUNK) +
 	       CHUNK * (3 * sizeof(double) + sizeof(uint64_t) + COPIES * sizeof(copy)) +
@@ -434,7 +434,7 @@ size_t wh_near_bytes(const wh_source *source, int workers, uint64_t windows)
 	const uint64_t of_bucket = source->nv / bucket_count(source, 0) + 1;
 	const size_t table = (size_t)(of_bucket * TABLE_EACH);
 	return (size_t)workers *
-	           (hand_bytes(source) + 2 * table +
+	           (workspace_bytes(source) + 2 * table +
 	            (size_t)windows * (PAIRS * sizeof(wh_near_pair) + sizeof(wh_bin))) +
 	       bucket_count(source, 0) * (BLOCK * record_bytes(source) + 8 * sizeof(wh_bin));
 }
@@ -446,21 +446,21 @@ uint64_t wh_near_disk(const wh_source *source)
 
 /* ---- all of it ---------------------------------------------------------------------------- */
 
-static wh_code open_hands(wh_ctx *c, search *s, int workers, uint32_t windows)
+static wh_code open_workspaces(wh_ctx *c, search *s, int workers, uint32_t windows)
 {
-	s->hands = wh_calloc(c, (size_t)workers, sizeof *s->hands);
+	s->workspace = wh_calloc(c, (size_t)workers, sizeof *s->workspace);
 	s->out->pairs = wh_calloc(c, (size_t)workers, sizeof *s->out->pairs);
-	if (!s->hands || !s->out->pairs)
+	if (!s->workspace || !s->out->pairs)
 		return wh_failed(c);
 	s->out->workers = workers;
 	for (int i = 0; i < workers; i++) {
-		hand *h = &s->hands[i];
-		h->raw = wh_alloc(c, wh_source_vertex_bytes(s->source, CHUNK), 1);
-		h->xyz = wh_alloc(c, CHUNK, 3 * sizeof *h->xyz);
-		h->tag = wh_alloc(c, CHUNK, sizeof *h->tag);
-		h->copies = wh_alloc(c, CHUNK, COPIES * sizeof *h->copies);
-		h->block = wh_alloc(c, BLOCK, s->record);
-		if (!h->raw || !h->xyz || !h->tag || !h->copies || !h->block ||
+		workspace *ws = &s->workspace[i];
+		ws->raw = wh_alloc(c, wh_source_vertex_bytes(s->source, CHUNK), 1);
+		ws->xyz = wh_alloc(c, CHUNK, 3 * sizeof *ws->xyz);
+		ws->tag = wh_alloc(c, CHUNK, sizeof *ws->tag);
+		ws->copies = wh_alloc(c, CHUNK, COPIES * sizeof *ws->copies);
+		ws->block = wh_alloc(c, BLOCK, s->record);
+		if (!ws->raw || !ws->xyz || !ws->tag || !ws->copies || !ws->block ||
 		    wh_bins_open(c, &s->out->pairs[i], &s->out->file, windows, sizeof(wh_near_pair),
 		                 PAIRS) != WH_OK)
 			return wh_failed(c);
@@ -470,17 +470,17 @@ static wh_code open_hands(wh_ctx *c, search *s, int workers, uint32_t windows)
 
 static void close_search(wh_ctx *c, search *s, int workers)
 {
-	for (int i = 0; s->hands && i < workers; i++) {
-		hand *h = &s->hands[i];
-		wh_free(c, h->raw);
-		wh_free(c, h->xyz);
-		wh_free(c, h->tag);
-		wh_free(c, h->copies);
-		wh_free(c, h->block);
-		wh_free(c, h->entry);
-		wh_free(c, h->slot);
+	for (int i = 0; s->workspace && i < workers; i++) {
+		workspace *ws = &s->workspace[i];
+		wh_free(c, ws->raw);
+		wh_free(c, ws->xyz);
+		wh_free(c, ws->tag);
+		wh_free(c, ws->copies);
+		wh_free(c, ws->block);
+		wh_free(c, ws->entry);
+		wh_free(c, ws->slot);
 	}
-	wh_free(c, s->hands);
+	wh_free(c, s->workspace);
 	wh_bins_close(c, &s->buckets);
 	wh_bin_file_close(&s->file);
 }
@@ -522,7 +522,7 @@ wh_code wh_near_find(wh_ctx *c, const wh_exec *ex, wh_progress *progress, wh_spi
 	if (code == WH_OK)
 		code = wh_bins_open(c, &s.buckets, &s.file, s.nbuckets, s.record, BLOCK);
 	if (code == WH_OK)
-		code = open_hands(c, &s, ex->workers, windows);
+		code = open_workspaces(c, &s, ex->workers, windows);
 	if (code == WH_OK)
 		code = run(c, ex, &s);
 	close_search(c, &s, ex->workers);

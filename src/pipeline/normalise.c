@@ -58,13 +58,13 @@ static wh_code check_content(wh_ctx *c, const wh_ply *p)
 static wh_code probe(wh_ctx *c, const wh_source *s)
 {
 	const size_t n = s->nf < PROBE ? (size_t)s->nf : PROBE;
-	void *scratch = wh_alloc(c, wh_source_triangle_bytes(s, n), 1);
+	void *raw = wh_alloc(c, wh_source_triangle_bytes(s, n), 1);
 	uint64_t *ids = wh_alloc(c, n, 3 * sizeof *ids);
 	wh_code code = c->err.code;
-	if (scratch && ids)
-		code = wh_source_triangles(c, s, 0, n, ids, scratch);
+	if (raw && ids)
+		code = wh_source_triangles(c, s, 0, n, ids, raw);
 	wh_free(c, ids);
-	wh_free(c, scratch);
+	wh_free(c, raw);
 	return code;
 }
 
@@ -554,7 +554,7 @@ typedef struct loader {
 	const wh_source *s;
 	wh_mesh *m;
 	uint32_t *kept; /* triangles of each chunk that are not degenerate */
-	void **scratch; /* one per worker */
+	void **raw;     /* one per worker */
 	uint64_t **ids;
 } loader;
 
@@ -563,7 +563,7 @@ static wh_code load_vertices(wh_ctx *c, void *arg, int64_t index, int worker)
 	const loader *l = arg;
 	const uint64_t first = (uint64_t)index * CHUNK;
 	return wh_source_vertices(c, l->s, first, wh_chunk_items(l->s->nv, index, CHUNK),
-	                          &l->m->pos[first].x, l->scratch[worker]);
+	                          &l->m->pos[first].x, l->raw[worker]);
 }
 
 static wh_code load_triangles(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -573,8 +573,7 @@ static wh_code load_triangles(wh_ctx *c, void *arg, int64_t index, int worker)
 	const size_t n = wh_chunk_items(l->s->nf, index, CHUNK);
 	const uint64_t *t = l->ids[worker];
 	uint32_t *to = l->m->tri + 3 * first;
-	const wh_code code =
-	    wh_source_triangles(c, l->s, first, n, l->ids[worker], l->scratch[worker]);
+	const wh_code code = wh_source_triangles(c, l->s, first, n, l->ids[worker], l->raw[worker]);
 	if (code != WH_OK)
 		return code;
 	for (size_t i = 0; i < n; i++, t += 3) {
@@ -604,14 +603,14 @@ static wh_code open_loader(wh_ctx *c, loader *l, int workers)
 	const size_t v = wh_source_vertex_bytes(l->s, CHUNK);
 	const size_t t = wh_source_triangle_bytes(l->s, CHUNK);
 	l->kept = wh_alloc(c, (size_t)wh_chunks(l->s->nf, CHUNK), sizeof *l->kept);
-	l->scratch = wh_calloc(c, (size_t)workers, sizeof *l->scratch);
+	l->raw = wh_calloc(c, (size_t)workers, sizeof *l->raw);
 	l->ids = wh_calloc(c, (size_t)workers, sizeof *l->ids);
-	if (!l->kept || !l->scratch || !l->ids)
+	if (!l->kept || !l->raw || !l->ids)
 		return c->err.code;
 	for (int i = 0; i < workers; i++) {
-		l->scratch[i] = wh_alloc(c, v > t ? v : t, 1);
+		l->raw[i] = wh_alloc(c, v > t ? v : t, 1);
 		l->ids[i] = wh_alloc(c, CHUNK, 3 * sizeof **l->ids);
-		if (!l->scratch[i] || !l->ids[i])
+		if (!l->raw[i] || !l->ids[i])
 			return c->err.code;
 	}
 	return WH_OK;
@@ -620,13 +619,13 @@ static wh_code open_loader(wh_ctx *c, loader *l, int workers)
 static void close_loader(wh_ctx *c, loader *l, int workers)
 {
 	for (int i = 0; i < workers; i++) {
-		if (l->scratch)
-			wh_free(c, l->scratch[i]);
+		if (l->raw)
+			wh_free(c, l->raw[i]);
 		if (l->ids)
 			wh_free(c, l->ids[i]);
 	}
 	wh_free(c, l->ids);
-	wh_free(c, l->scratch);
+	wh_free(c, l->raw);
 	wh_free(c, l->kept);
 }
 

@@ -307,7 +307,7 @@ static wh_code read_piece(wh_ctx *c, const wh_store *s, uint32_t part, uint32_t 
 	return code;
 }
 
-wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                        uint64_t *faces, uint64_t *vertices)
 {
 	if (wh_pieces_counts(c, s, cluster, faces, vertices) != WH_OK)
@@ -316,9 +316,9 @@ wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_
 		return wh_fail(c, WH_E_RUN, "%s: cluster %u is damaged", s->spill->dir, cluster);
 	const size_t nf = (size_t)*faces * wh_store_face_bytes(s);
 	const size_t nv = (size_t)*vertices * wh_store_vertex_bytes(s);
-	if (wh_renew(c, &scratch->raw, &scratch->raw_cap, nf + nv, 1) != WH_OK)
+	if (wh_renew(c, &ws->raw, &ws->raw_cap, nf + nv, 1) != WH_OK)
 		return c->err.code;
-	uint8_t *f = scratch->raw, *v = scratch->raw + nf;
+	uint8_t *f = ws->raw, *v = ws->raw + nf;
 	XXH3_state_t *state = wh_alloc(c, 1, sizeof *state);
 	wh_code code = state ? WH_OK : wh_failed(c);
 	for (uint32_t i = 0; code == WH_OK && i < s->parts; i++)

@@ -85,9 +85,9 @@ wh_code wh_pieces_counts(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_
                          uint64_t *vertices);
 wh_code wh_pieces_all_counts(wh_ctx *c, const wh_store *s, uint64_t *faces, uint64_t *vertices);
 
-/* Reads a cluster as a cluster file would hold it, into scratch->raw: faces, then vertices.
+/* Reads a cluster as a cluster file would hold it, into ws->raw: faces, then vertices.
  * WH_E_RUN when a piece is gone or damaged. */
-wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_pieces_read(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                        uint64_t *faces, uint64_t *vertices);
 
 /* Removes all files of the store. */

@@ -13,8 +13,8 @@ wh_code wh_positions_open(wh_ctx *c, wh_positions *p, const wh_source *source, s
 		p->slots *= 2;
 	p->tags = wh_calloc(c, p->slots, sizeof *p->tags);
 	p->pages = wh_alloc(c, p->slots * PAGE, sizeof *p->pages);
-	p->scratch = wh_alloc(c, wh_source_vertex_bytes(source, PAGE), 1);
-	if (p->tags && p->pages && p->scratch)
+	p->raw = wh_alloc(c, wh_source_vertex_bytes(source, PAGE), 1);
+	if (p->tags && p->pages && p->raw)
 		return WH_OK;
 	wh_positions_close(c, p);
 	return c->err.code;
@@ -22,7 +22,7 @@ wh_code wh_positions_open(wh_ctx *c, wh_positions *p, const wh_source *source, s
 
 void wh_positions_close(wh_ctx *c, wh_positions *p)
 {
-	wh_free(c, p->scratch);
+	wh_free(c, p->raw);
 	wh_free(c, p->pages);
 	wh_free(c, p->tags);
 	*p = (wh_positions){0};
@@ -34,8 +34,7 @@ static wh_code load_page(wh_ctx *c, wh_positions *p, uint64_t page, size_t slot)
 	const uint64_t left = p->source->nv - first;
 	const size_t n = left < PAGE ? (size_t)left : PAGE;
 	p->tags[slot] = 0;
-	if (wh_source_vertices(c, p->source, first, n, &p->pages[slot * PAGE].x, p->scratch) !=
-	    WH_OK)
+	if (wh_source_vertices(c, p->source, first, n, &p->pages[slot * PAGE].x, p->raw) != WH_OK)
 		return c->err.code;
 	p->tags[slot] = page + 1;
 	return WH_OK;

@@ -15,7 +15,7 @@ typedef struct wh_positions {
 	size_t slots;   /* a power of two */
 	uint64_t *tags; /* slots: number of the page held + 1, 0 for none */
 	wh_vec3 *pages;
-	void *scratch;
+	void *raw;
 } wh_positions;
 
 enum { WH_POSITIONS_MOST = 256, WH_POSITIONS_FEW = 64 }; /* pages: 12 and 3 MiB */

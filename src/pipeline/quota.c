@@ -42,7 +42,8 @@ static const wh_quota_bin *find_bin(const wh_quota_log *log, uint32_t bin)
 	return lo < log->n && log->item[lo].bin == bin ? &log->item[lo] : NULL;
 }
 
-/* Where the order is cut so that `wanted` faces or vertices lie before the cut. `sum`: scratch. */
+/* Where the order is cut so that `wanted` faces or vertices lie before the cut. `sum`: room for
+ * WH_LOG_BINS. */
 static place find_place(const wh_quota_log *log, uint32_t clusters, uint64_t wanted, bool faces,
                         uint64_t *sum)
 {
@@ -96,13 +97,12 @@ static wh_quota before_cuts(const wh_quota_log *log, uint32_t k, place faces, pl
 wh_code wh_quota_share(wh_ctx *c, const wh_quota_log *log, uint32_t clusters, uint64_t faces,
                        uint64_t vertices, wh_quota *share, wh_quota *sum)
 {
-	uint64_t *scratch = wh_alloc(c, WH_LOG_BINS, sizeof *scratch);
-	if (!scratch)
+	uint64_t *bins = wh_alloc(c, WH_LOG_BINS, sizeof *bins);
+	if (!bins)
 		return c->err.code;
-	const place by_faces = faces ? find_place(log, clusters, faces, true, scratch) : END;
-	const place by_vertices =
-	    vertices ? find_place(log, clusters, vertices, false, scratch) : END;
-	wh_free(c, scratch);
+	const place by_faces = faces ? find_place(log, clusters, faces, true, bins) : END;
+	const place by_vertices = vertices ? find_place(log, clusters, vertices, false, bins) : END;
+	wh_free(c, bins);
 	*sum = (wh_quota){0};
 	for (uint32_t k = 0; k < clusters; k++) {
 		share[k] = before_cuts(&log[k], k, by_faces, by_vertices);

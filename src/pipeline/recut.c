@@ -33,8 +33,8 @@ enum {
 #define CUT_AGAIN ((uint64_t)1 << 63) /* beside the id of an old cut vertex: the answer */
 
 /* What one worker needs. */
-typedef struct recut_hand {
-	wh_store_scratch scratch;
+typedef struct workspace {
+	wh_store_workspace load;
 	wh_patch patch;
 	uint16_t *home; /* per vertex: the new cell it lies in */
 	uint16_t *cell; /* per face: its new cluster */
@@ -42,13 +42,13 @@ typedef struct recut_hand {
 	uint64_t *list; /* visits, or answers */
 	size_t cap_home, cap_cell, cap_user, cap_list, n_list;
 	wh_parcel out;
-} recut_hand;
+} workspace;
 
 typedef struct recut {
 	const wh_store *from;
 	wh_store *to;
 	wh_progress *progress;
-	recut_hand *hands;
+	workspace *workspace;
 	wh_kdtree tree;
 	wh_kdpoint *sample;
 	size_t samples;
@@ -69,33 +69,33 @@ typedef struct recut {
 
 /* ---- where things go ---------------------------------------------------------------------- */
 
-static wh_code fit(wh_ctx *c, recut_hand *h)
+static wh_code fit(wh_ctx *c, workspace *ws)
 {
-	const size_t nv = h->patch.nv, nf = h->patch.nf;
-	if (wh_renew(c, &h->home, &h->cap_home, nv, sizeof *h->home) != WH_OK ||
-	    wh_renew(c, &h->cell, &h->cap_cell, nf, sizeof *h->cell) != WH_OK ||
-	    wh_renew(c, &h->user, &h->cap_user, nv, sizeof *h->user) != WH_OK)
+	const size_t nv = ws->patch.nv, nf = ws->patch.nf;
+	if (wh_renew(c, &ws->home, &ws->cap_home, nv, sizeof *ws->home) != WH_OK ||
+	    wh_renew(c, &ws->cell, &ws->cap_cell, nf, sizeof *ws->cell) != WH_OK ||
+	    wh_renew(c, &ws->user, &ws->cap_user, nv, sizeof *ws->user) != WH_OK)
 		return c->err.code;
 	return WH_OK;
 }
 
 /* Loads old cluster k and finds the new cluster of each face and the users of each vertex. */
-static wh_code load_and_place(wh_ctx *c, const recut *r, recut_hand *h, int64_t k)
+static wh_code load_and_place(wh_ctx *c, const recut *r, workspace *ws, int64_t k)
 {
-	wh_patch *p = &h->patch;
-	if (wh_store_load(c, r->from, (uint32_t)k, &h->scratch, p) != WH_OK || fit(c, h) != WH_OK)
+	wh_patch *p = &ws->patch;
+	if (wh_store_load(c, r->from, (uint32_t)k, &ws->load, p) != WH_OK || fit(c, ws) != WH_OK)
 		return c->err.code;
 	for (uint32_t v = 0; v < p->nv; v++) {
-		h->home[v] = (uint16_t)wh_kdtree_cell(&r->tree, &p->pos[v], p->gid[v]);
-		h->user[v] = WH_NONE;
+		ws->home[v] = (uint16_t)wh_kdtree_cell(&r->tree, &p->pos[v], p->gid[v]);
+		ws->user[v] = WH_NONE;
 	}
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		const uint32_t cell =
-		    wh_kdtree_majority(h->home[t[0]], h->home[t[1]], h->home[t[2]]);
-		h->cell[f] = (uint16_t)cell;
+		    wh_kdtree_majority(ws->home[t[0]], ws->home[t[1]], ws->home[t[2]]);
+		ws->cell[f] = (uint16_t)cell;
 		for (int j = 0; j < 3; j++) {
-			uint32_t *u = &h->user[t[j]];
+			uint32_t *u = &ws->user[t[j]];
 			*u = *u == WH_NONE || *u == cell ? cell : SEVERAL;
 		}
 	}
@@ -107,8 +107,8 @@ static wh_code load_and_place(wh_ctx *c, const recut *r, recut_hand *h, int64_t 
 static wh_code sample_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	return wh_store_load(c, r->from, (uint32_t)index, &h->scratch, &h->patch);
+	workspace *ws = &r->workspace[worker];
+	return wh_store_load(c, r->from, (uint32_t)index, &ws->load, &ws->patch);
 }
 
 /* New cuts should not run along the old ones: they keep away from a sample of the old cut vertices,
@@ -132,7 +132,7 @@ static wh_code sample_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	recut *r = arg;
-	const wh_patch *p = &r->hands[worker].patch;
+	const wh_patch *p = &r->workspace[worker].patch;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		const bool sampled = r->passed++ % r->stride == 0;
 		if (sampled)
@@ -175,45 +175,45 @@ static wh_code build_tree(wh_ctx *c, const wh_exec *ex, recut *r, uint64_t verti
 /* ---- pass 1: faces ------------------------------------------------------------------------ */
 
 /* Notes who uses the old cut vertices of a cluster that has been placed. */
-static wh_code collect(wh_ctx *c, recut_hand *h)
+static wh_code collect(wh_ctx *c, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
-	if (wh_renew(c, &h->list, &h->cap_list, p->nv, sizeof *h->list) != WH_OK)
+	const wh_patch *p = &ws->patch;
+	if (wh_renew(c, &ws->list, &ws->cap_list, p->nv, sizeof *ws->list) != WH_OK)
 		return c->err.code;
-	h->n_list = 0;
+	ws->n_list = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
 		if (p->flag[v] & WH_CUT)
-			h->list[h->n_list++] = wh_visit(p->gid[v], h->user[v]);
+			ws->list[ws->n_list++] = wh_visit(p->gid[v], ws->user[v]);
 	return WH_OK;
 }
 
-static wh_code collect_commit(wh_ctx *c, recut *r, recut_hand *h, int64_t index)
+static wh_code collect_commit(wh_ctx *c, recut *r, workspace *ws, int64_t index)
 {
-	if (wh_visits_add(c, &r->visits, h->list, h->n_list) != WH_OK)
+	if (wh_visits_add(c, &r->visits, ws->list, ws->n_list) != WH_OK)
 		return c->err.code;
-	for (size_t i = 0; i < h->n_list; i++)
-		h->list[i] = wh_visit_vertex(h->list[i]);
-	r->answer[index + 1] = r->answer[index] + h->n_list;
-	return wh_spill_pwrite(c, r->from->spill, r->answer_fd, h->list,
-	                       h->n_list * sizeof *h->list, r->answer[index] * sizeof *h->list);
+	for (size_t i = 0; i < ws->n_list; i++)
+		ws->list[i] = wh_visit_vertex(ws->list[i]);
+	r->answer[index + 1] = r->answer[index] + ws->n_list;
+	return wh_spill_pwrite(c, r->from->spill, r->answer_fd, ws->list,
+	                       ws->n_list * sizeof *ws->list, r->answer[index] * sizeof *ws->list);
 }
 
 static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, index) != WH_OK || collect(c, h) != WH_OK ||
-	    wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_face_bytes(r->to), h->patch.nf) !=
-	        WH_OK)
+	workspace *ws = &r->workspace[worker];
+	if (load_and_place(c, r, ws, index) != WH_OK || collect(c, ws) != WH_OK ||
+	    wh_parcel_begin(c, &ws->out, r->to->clusters, wh_store_face_bytes(r->to),
+	                    ws->patch.nf) != WH_OK)
 		return c->err.code;
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = &ws->patch;
 	for (uint32_t f = 0; f < p->nf; f++)
-		wh_parcel_add(&h->out, h->cell[f]);
-	wh_parcel_lay_out(&h->out);
+		wh_parcel_add(&ws->out, ws->cell[f]);
+	wh_parcel_lay_out(&ws->out);
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = &p->tri[3 * (size_t)f];
 		const uint64_t gid[3] = {p->gid[t[0]], p->gid[t[1]], p->gid[t[2]]};
-		uint8_t *end = wh_store_put_face(r->to, wh_parcel_put(&h->out, f), gid);
+		uint8_t *end = wh_store_put_face(r->to, wh_parcel_put(&ws->out, f), gid);
 		if (p->face_bytes)
 			memcpy(end, wh_patch_face(p, f), p->face_bytes);
 	}
@@ -223,11 +223,11 @@ static wh_code faces_job(wh_ctx *c, void *arg, int64_t index, int worker)
 static wh_code faces_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	wh_progress_add(r->progress, h->patch.nf);
-	if (collect_commit(c, r, h, index) != WH_OK)
+	workspace *ws = &r->workspace[worker];
+	wh_progress_add(r->progress, ws->patch.nf);
+	if (collect_commit(c, r, ws, index) != WH_OK)
 		return c->err.code;
-	return wh_dispatch_faces(c, &r->out, &h->out);
+	return wh_dispatch_faces(c, &r->out, &ws->out);
 }
 
 /* ---- which old cut vertices are cut again ------------------------------------------------- */
@@ -244,23 +244,23 @@ static bool is_cut_again(const wh_visits *v, uint64_t gid)
 static wh_code answer_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	recut *r = arg;
-	recut_hand *h = &r->hands[worker];
+	workspace *ws = &r->workspace[worker];
 	const uint64_t end = r->answer[index + 1];
 	uint64_t *next = &r->answered[index];
-	if (wh_renew(c, &h->list, &h->cap_list, PIECE, sizeof *h->list) != WH_OK)
+	if (wh_renew(c, &ws->list, &ws->cap_list, PIECE, sizeof *ws->list) != WH_OK)
 		return c->err.code;
 	for (size_t n = PIECE, done = n; done == n && *next < end; *next += done) {
-		const uint64_t off = *next * sizeof *h->list;
+		const uint64_t off = *next * sizeof *ws->list;
 		n = end - *next < PIECE ? (size_t)(end - *next) : PIECE;
 		done = 0;
-		if (wh_spill_pread(c, r->from->spill, r->answer_fd, h->list, n * sizeof *h->list,
+		if (wh_spill_pread(c, r->from->spill, r->answer_fd, ws->list, n * sizeof *ws->list,
 		                   off) != WH_OK)
 			return c->err.code;
-		for (; done < n && h->list[done] < r->visits.end; done++)
-			if (is_cut_again(&r->visits, h->list[done]))
-				h->list[done] |= CUT_AGAIN;
-		if (wh_spill_pwrite(c, r->from->spill, r->answer_fd, h->list,
-		                    done * sizeof *h->list, off) != WH_OK)
+		for (; done < n && ws->list[done] < r->visits.end; done++)
+			if (is_cut_again(&r->visits, ws->list[done]))
+				ws->list[done] |= CUT_AGAIN;
+		if (wh_spill_pwrite(c, r->from->spill, r->answer_fd, ws->list,
+		                    done * sizeof *ws->list, off) != WH_OK)
 			return c->err.code;
 	}
 	return WH_OK;
@@ -292,50 +292,50 @@ static wh_code find_cut_again(wh_ctx *c, const wh_exec *ex, recut *r)
 /* ---- pass 2: vertices --------------------------------------------------------------------- */
 
 /* From here on the flags say which vertices are cut by the new clusters. */
-static wh_code read_answers(wh_ctx *c, const recut *r, recut_hand *h, int64_t index)
+static wh_code read_answers(wh_ctx *c, const recut *r, workspace *ws, int64_t index)
 {
-	wh_patch *p = &h->patch;
+	wh_patch *p = &ws->patch;
 	const uint64_t first = r->answer[index];
 	const size_t n = (size_t)(r->answer[index + 1] - first);
-	if (wh_renew(c, &h->list, &h->cap_list, n, sizeof *h->list) != WH_OK ||
-	    wh_spill_pread(c, r->from->spill, r->answer_fd, h->list, n * sizeof *h->list,
-	                   first * sizeof *h->list) != WH_OK)
+	if (wh_renew(c, &ws->list, &ws->cap_list, n, sizeof *ws->list) != WH_OK ||
+	    wh_spill_pread(c, r->from->spill, r->answer_fd, ws->list, n * sizeof *ws->list,
+	                   first * sizeof *ws->list) != WH_OK)
 		return c->err.code;
 	size_t at = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		if (!(p->flag[v] & WH_CUT))
-			p->flag[v] = h->user[v] == SEVERAL ? WH_CUT : 0;
-		else if (!(h->list[at++] & CUT_AGAIN))
+			p->flag[v] = ws->user[v] == SEVERAL ? WH_CUT : 0;
+		else if (!(ws->list[at++] & CUT_AGAIN))
 			p->flag[v] = 0;
 	}
 	return WH_OK;
 }
 
 /* Visits of vertices with several users, in the patch's own numbering. */
-static wh_code list_users(wh_ctx *c, recut_hand *h)
+static wh_code list_users(wh_ctx *c, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = &ws->patch;
 	size_t n = 0;
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		n += h->user[p->tri[i]] == SEVERAL;
-	if (wh_renew(c, &h->list, &h->cap_list, n, sizeof *h->list) != WH_OK)
+		n += ws->user[p->tri[i]] == SEVERAL;
+	if (wh_renew(c, &ws->list, &ws->cap_list, n, sizeof *ws->list) != WH_OK)
 		return c->err.code;
 	n = 0;
 	for (size_t i = 0; i < 3 * (size_t)p->nf; i++)
-		if (h->user[p->tri[i]] == SEVERAL)
-			h->list[n++] = wh_visit(p->tri[i], h->cell[i / 3]);
-	h->n_list = wh_sort_unique(h->list, n);
+		if (ws->user[p->tri[i]] == SEVERAL)
+			ws->list[n++] = wh_visit(p->tri[i], ws->cell[i / 3]);
+	ws->n_list = wh_sort_unique(ws->list, n);
 	return WH_OK;
 }
 
 /* Adds vertex v once for every cluster that uses it; *at: the first of h->list that is not its. */
-static void add_vertex(recut_hand *h, uint32_t v, size_t *at)
+static void add_vertex(workspace *ws, uint32_t v, size_t *at)
 {
-	if (h->user[v] != SEVERAL)
-		wh_parcel_add(&h->out, h->user[v]);
-	for (; *at < h->n_list && wh_visit_vertex(h->list[*at]) == v; ++*at)
-		wh_parcel_add(&h->out, wh_visit_cluster(h->list[*at]));
-	h->user[v] = (uint32_t)h->out.n; /* from now on: the records up to and with its own */
+	if (ws->user[v] != SEVERAL)
+		wh_parcel_add(&ws->out, ws->user[v]);
+	for (; *at < ws->n_list && wh_visit_vertex(ws->list[*at]) == v; ++*at)
+		wh_parcel_add(&ws->out, wh_visit_cluster(ws->list[*at]));
+	ws->user[v] = (uint32_t)ws->out.n; /* from now on: the records up to and with its own */
 }
 
 static void put_vertex(const wh_store *s, const wh_patch *p, uint32_t v, uint8_t *to)
@@ -348,22 +348,22 @@ static void put_vertex(const wh_store *s, const wh_patch *p, uint32_t v, uint8_t
 static wh_code vertices_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const recut *r = arg;
-	recut_hand *h = &r->hands[worker];
-	if (load_and_place(c, r, h, index) != WH_OK || read_answers(c, r, h, index) != WH_OK ||
-	    list_users(c, h) != WH_OK)
+	workspace *ws = &r->workspace[worker];
+	if (load_and_place(c, r, ws, index) != WH_OK || read_answers(c, r, ws, index) != WH_OK ||
+	    list_users(c, ws) != WH_OK)
 		return c->err.code;
-	const wh_patch *p = &h->patch;
-	if (wh_parcel_begin(c, &h->out, r->to->clusters, wh_store_vertex_bytes(r->to),
-	                    p->nv + h->n_list) != WH_OK)
+	const wh_patch *p = &ws->patch;
+	if (wh_parcel_begin(c, &ws->out, r->to->clusters, wh_store_vertex_bytes(r->to),
+	                    p->nv + ws->n_list) != WH_OK)
 		return c->err.code;
 	size_t at = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
-		add_vertex(h, v, &at);
-	wh_parcel_lay_out(&h->out);
+		add_vertex(ws, v, &at);
+	wh_parcel_lay_out(&ws->out);
 	size_t i = 0;
 	for (uint32_t v = 0; v < p->nv; v++)
-		for (; i < h->user[v]; i++)
-			put_vertex(r->to, p, v, wh_parcel_put(&h->out, i));
+		for (; i < ws->user[v]; i++)
+			put_vertex(r->to, p, v, wh_parcel_put(&ws->out, i));
 	return WH_OK;
 }
 
@@ -392,11 +392,11 @@ static wh_code vertices_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	recut *r = arg;
-	const recut_hand *h = &r->hands[worker];
-	wh_progress_add(r->progress, h->patch.nf);
-	if (note_still(c, r, &h->patch) != WH_OK)
+	const workspace *ws = &r->workspace[worker];
+	wh_progress_add(r->progress, ws->patch.nf);
+	if (note_still(c, r, &ws->patch) != WH_OK)
 		return c->err.code;
-	return wh_dispatch_vertices(c, &r->out, &h->out);
+	return wh_dispatch_vertices(c, &r->out, &ws->out);
 }
 
 /* ---- all of it ---------------------------------------------------------------------------- */
@@ -415,29 +415,30 @@ static wh_code distribute(wh_ctx *c, const wh_exec *ex, recut *r, size_t buffer)
 }
 
 /* Room for the largest cluster. */
-static wh_code hand_fit(wh_ctx *c, recut_hand *h, const wh_store *from, uint64_t nv, uint64_t nf)
+static wh_code workspace_fit(wh_ctx *c, workspace *ws, const wh_store *from, uint64_t nv,
+                             uint64_t nf)
 {
-	h->patch.attr_bytes = from->attr_bytes;
-	h->patch.face_bytes = from->face_bytes;
-	if (wh_store_scratch_fit(c, from, &h->scratch, nv, nf) != WH_OK ||
-	    wh_patch_reset(c, &h->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
+	ws->patch.attr_bytes = from->attr_bytes;
+	ws->patch.face_bytes = from->face_bytes;
+	if (wh_store_workspace_fit(c, from, &ws->load, nv, nf) != WH_OK ||
+	    wh_patch_reset(c, &ws->patch, (uint32_t)nv, (uint32_t)nf) != WH_OK)
 		return c->err.code;
-	return fit(c, h);
+	return fit(c, ws);
 }
 
-static void hands_free(wh_ctx *c, recut *r, int workers)
+static void workspaces_free(wh_ctx *c, recut *r, int workers)
 {
-	for (int i = 0; r->hands && i < workers; i++) {
-		recut_hand *h = &r->hands[i];
-		wh_store_scratch_free(c, &h->scratch);
-		wh_patch_free(c, &h->patch);
-		wh_parcel_free(c, &h->out);
-		wh_free(c, h->home);
-		wh_free(c, h->cell);
-		wh_free(c, h->user);
-		wh_free(c, h->list);
+	for (int i = 0; r->workspace && i < workers; i++) {
+		workspace *ws = &r->workspace[i];
+		wh_store_workspace_free(c, &ws->load);
+		wh_patch_free(c, &ws->patch);
+		wh_parcel_free(c, &ws->out);
+		wh_free(c, ws->home);
+		wh_free(c, ws->cell);
+		wh_free(c, ws->user);
+		wh_free(c, ws->list);
 	}
-	wh_free(c, r->hands);
+	wh_free(c, r->workspace);
 }
 
 /* The layout of the new store: that of the old one, with global ids. */
@@ -458,7 +459,7 @@ static size_t larger(size_t a, size_t b)
 
 /* A worker holds a cluster, where its parts go, and its parcel: all vertices, and in the worst
  * case one more for every corner. */
-static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, uint64_t nf)
+static size_t workspace_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, uint64_t nf)
 {
 	wh_store to;
 	describe_store(from, &to);
@@ -466,7 +467,7 @@ static size_t hand_bytes(const wh_store *from, uint32_t clusters, uint64_t nv, u
 	const size_t corners = 3 * (size_t)nf;
 	const size_t most = larger(corners, (size_t)nv); /* every vertex has a corner */
 	const size_t vertices = wh_parcel_bytes(clusters, wh_store_vertex_bytes(&to), most);
-	return wh_store_scratch_bytes(from, nv, nf) +
+	return wh_store_workspace_bytes(from, nv, nf) +
 	       wh_patch_bytes(nv, nf, from->attr_bytes, from->face_bytes) + 6 * (size_t)nv +
 	       2 * (size_t)nf + 8 * larger(most, PIECE) + larger(faces, vertices) + 1024;
 }
@@ -489,7 +490,8 @@ static size_t stage_bytes(uint64_t vertices, uint32_t clusters, size_t buffer)
 size_t wh_round_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
                             uint64_t max_faces, uint64_t vertices)
 {
-	return always_bytes(from, clusters) + hand_bytes(from, clusters, max_vertices, max_faces) +
+	return always_bytes(from, clusters) +
+	       workspace_bytes(from, clusters, max_vertices, max_faces) +
 	       stage_bytes(vertices, clusters, BUFFER_LEAST);
 }
 
@@ -499,19 +501,19 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
-	const size_t hand = hand_bytes(from, clusters, max_v, max_f);
+	const size_t each = workspace_bytes(from, clusters, max_v, max_f);
 	const size_t always = always_bytes(from, clusters);
 	const size_t rest = always + stage_bytes(vertices, clusters, BUFFER_LEAST);
-	while (ex->workers > 1 && rest + (size_t)ex->workers * hand > budget)
+	while (ex->workers > 1 && rest + (size_t)ex->workers * each > budget)
 		ex->workers--;
-	const size_t hands = (size_t)ex->workers * hand;
-	*need = rest + hands;
+	const size_t all = (size_t)ex->workers * each;
+	*need = rest + all;
 	*buffer = BUFFER_LEAST;
 	if (*need > budget)
 		return WH_OK;
 	*buffer += (budget - *need) / clusters;
 	*buffer = *buffer < BUFFER_MOST ? *buffer : BUFFER_MOST;
-	*need = always + hands + stage_bytes(vertices, clusters, *buffer);
+	*need = always + all + stage_bytes(vertices, clusters, *buffer);
 	return WH_OK;
 }
 
@@ -523,11 +525,11 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	uint64_t max_v, max_f, faces, vertices;
 	wh_code code = wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices);
 	wh_progress_phase(progress, "recut", 2 * faces);
-	r.hands = wh_calloc(c, (size_t)ex->workers, sizeof *r.hands);
-	for (int i = 0; r.hands && code == WH_OK && i < ex->workers; i++)
-		code = hand_fit(c, &r.hands[i], from, max_v, max_f);
+	r.workspace = wh_calloc(c, (size_t)ex->workers, sizeof *r.workspace);
+	for (int i = 0; r.workspace && code == WH_OK && i < ex->workers; i++)
+		code = workspace_fit(c, &r.workspace[i], from, max_v, max_f);
 	if (code == WH_OK)
-		code = r.hands ? build_tree(c, ex, &r, vertices) : wh_failed(c);
+		code = r.workspace ? build_tree(c, ex, &r, vertices) : wh_failed(c);
 	if (code == WH_OK)
 		code = distribute(c, ex, &r, params->buffer);
 	const size_t stills = wh_sort_unique(r.still, r.stills);
@@ -542,6 +544,6 @@ wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, cons
 	wh_free(c, r.avoid);
 	wh_free(c, r.still);
 	wh_kdtree_free(c, &r.tree);
-	hands_free(c, &r, ex->workers);
+	workspaces_free(c, &r, ex->workers);
 	return code;
 }

@@ -59,7 +59,7 @@ typedef struct element {
 } element;
 
 /* A worker's buffers. */
-typedef struct scratch {
+typedef struct workspace {
 	char *text;
 	size_t text_cap;
 	size_t n; /* bytes of text */
@@ -74,9 +74,9 @@ typedef struct scratch {
 	size_t uv_cap;
 	uint8_t *face, *carried; /* what the face carries; with its corners' */
 	size_t face_cap, carried_cap;
-} scratch;
+} workspace;
 
-/* What a line came to, beside what is in the scratch. */
+/* What a line came to, beside what is in the workspace. */
 typedef struct found {
 	uint64_t corners, texcoords;
 } found;
@@ -87,10 +87,10 @@ typedef struct job {
 	chunk *chunks;
 	int64_t nchunks;
 	element *elements;
-	bool lenient;     /* words behind the last property are passed over */
-	bool undeclared;  /* coordinates may need doubles */
-	bool faces_now;   /* which of the two passes this is */
-	scratch *scratch; /* one per worker */
+	bool lenient;         /* words behind the last property are passed over */
+	bool undeclared;      /* coordinates may need doubles */
+	bool faces_now;       /* which of the two passes this is */
+	workspace *workspace; /* one per worker */
 } job;
 
 /* --- counting lines --- */
@@ -130,7 +130,7 @@ static void count_lines(chunk *k, const char *s, const char *end, char eol, char
 static wh_code count_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	job *j = arg;
-	scratch *s = &j->scratch[worker];
+	workspace *s = &j->workspace[worker];
 	const wh_ply *p = j->rw->ply;
 	const size_t n = chunk_bytes(j, index);
 	if (wh_reserve(c, &s->text, &s->text_cap, CHUNK + 1, 1) != WH_OK ||
@@ -226,7 +226,7 @@ static inline const char *scan_count(const char *s, char eol, uint64_t *n)
 }
 
 /* n whole numbers at s, into ids. NULL: not as expected, or out of memory (recorded). */
-static const char *scan_list(wh_ctx *c, const char *s, char eol, scratch *w, uint64_t n)
+static const char *scan_list(wh_ctx *c, const char *s, char eol, workspace *w, uint64_t n)
 {
 	for (size_t i = 0; i < n; i++) {
 		if (i == w->ids_cap &&
@@ -240,7 +240,7 @@ static const char *scan_list(wh_ctx *c, const char *s, char eol, scratch *w, uin
 }
 
 /* The same of n reals, into uv. */
-static const char *scan_texcoords(wh_ctx *c, const char *s, char eol, scratch *w, uint64_t n)
+static const char *scan_texcoords(wh_ctx *c, const char *s, char eol, workspace *w, uint64_t n)
 {
 	for (size_t i = 0; i < n && s; i++) {
 		if (i == w->uv_cap &&
@@ -272,7 +272,7 @@ static const char *take_attribute(const job *j, const wh_attribute *a, const cha
 
 /* Parses a line of any element; takes coordinates into xyz[3], attributes from `next` on into
  * `record`, corners into w->ids, their texture coordinates into w->uv. False: not as expected. */
-static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
+static bool scan_line(wh_ctx *c, const job *j, const element *e, const char *s, workspace *w,
                       double *xyz, const wh_attribute *next, uint8_t *record, found *lists)
 {
 	*lists = (found){0};
@@ -321,7 +321,7 @@ static wh_code add_strip(wh_ctx *c, const job *j, wh_facer *f, const uint64_t *i
 
 /* Tells the facer what the face of the line at hand carries. WH_E_IRREGULAR: that is damaged, as
  * whoever goes through the words will say. */
-static wh_code carry(wh_ctx *c, const job *j, scratch *w, found lists, wh_facer *f)
+static wh_code carry(wh_ctx *c, const job *j, workspace *w, found lists, wh_facer *f)
 {
 	const wh_wedges *we = j->rw->wedges;
 	const size_t n = (size_t)lists.corners;
@@ -337,7 +337,7 @@ static wh_code carry(wh_ctx *c, const job *j, scratch *w, found lists, wh_facer 
 	return WH_OK;
 }
 
-static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
+static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *s, workspace *w,
                          wh_facer *f)
 {
 	const wh_wedges *we = j->rw->wedges;
@@ -358,7 +358,7 @@ static wh_code face_line(wh_ctx *c, const job *j, const element *e, const char *
 }
 
 /* Vertex number `at` of those of this chunk. */
-static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w,
+static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char *s, workspace *w,
                            size_t at)
 {
 	found unused;
@@ -378,7 +378,7 @@ static wh_code vertex_line(wh_ctx *c, const job *j, const element *e, const char
 	return WH_OK;
 }
 
-static wh_code other_line(wh_ctx *c, const job *j, const element *e, const char *s, scratch *w)
+static wh_code other_line(wh_ctx *c, const job *j, const element *e, const char *s, workspace *w)
 {
 	double unused[3];
 	found none;
@@ -391,7 +391,7 @@ static wh_code other_line(wh_ctx *c, const job *j, const element *e, const char 
 
 /* Reads the chunk and on to the end of its last line; a line end is put behind the file's last
  * byte. *stop: lines that begin at it or behind it are not the chunk's. */
-static wh_code load(wh_ctx *c, const job *j, int64_t index, scratch *w, size_t *stop)
+static wh_code load(wh_ctx *c, const job *j, int64_t index, workspace *w, size_t *stop)
 {
 	const wh_ply *p = j->rw->ply;
 	const uint64_t start = chunk_start(j, index);
@@ -423,7 +423,7 @@ typedef struct walk {
 	size_t vertices;       /* so far */
 } walk;
 
-static wh_code do_line(wh_ctx *c, const job *j, walk *k, const char *s, scratch *w, wh_facer *f)
+static wh_code do_line(wh_ctx *c, const job *j, walk *k, const char *s, workspace *w, wh_facer *f)
 {
 	const wh_ply *p = j->rw->ply;
 	while (k->elem < p->nelems && k->line >= j->elements[k->elem].end)
@@ -459,7 +459,7 @@ static bool concerns(const job *j, int64_t index)
 static wh_code do_chunk(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const job *j = arg;
-	scratch *w = &j->scratch[worker];
+	workspace *w = &j->workspace[worker];
 	walk k = {.line = j->chunks[index].first};
 	size_t stop;
 	if (!concerns(j, index))
@@ -525,17 +525,17 @@ static void close_job(wh_ctx *c, job *j)
 {
 	for (size_t i = 0; j->elements && i < j->rw->ply->nelems; i++)
 		wh_free(c, j->elements[i].actions);
-	for (int i = 0; j->scratch && i < j->rw->ex->workers; i++) {
-		wh_free(c, j->scratch[i].text);
-		wh_free(c, j->scratch[i].xyz);
-		wh_free(c, j->scratch[i].records);
-		wh_free(c, j->scratch[i].ids);
-		wh_free(c, j->scratch[i].uv);
-		wh_free(c, j->scratch[i].face);
-		wh_free(c, j->scratch[i].carried);
+	for (int i = 0; j->workspace && i < j->rw->ex->workers; i++) {
+		wh_free(c, j->workspace[i].text);
+		wh_free(c, j->workspace[i].xyz);
+		wh_free(c, j->workspace[i].records);
+		wh_free(c, j->workspace[i].ids);
+		wh_free(c, j->workspace[i].uv);
+		wh_free(c, j->workspace[i].face);
+		wh_free(c, j->workspace[i].carried);
 	}
 	wh_free(c, j->elements);
-	wh_free(c, j->scratch);
+	wh_free(c, j->workspace);
 	wh_free(c, j->chunks);
 }
 
@@ -546,9 +546,9 @@ wh_code wh_rewrite_lines(wh_ctx *c, wh_rewrite *rw)
 	j.nchunks = (int64_t)((p->size - p->body + CHUNK - 1) / CHUNK);
 	j.chunks = wh_calloc(c, (size_t)j.nchunks, sizeof *j.chunks);
 	j.elements = wh_calloc(c, p->nelems, sizeof *j.elements);
-	j.scratch = wh_calloc(c, (size_t)rw->ex->workers, sizeof *j.scratch);
+	j.workspace = wh_calloc(c, (size_t)rw->ex->workers, sizeof *j.workspace);
 	wh_code code = c->err.code;
-	if (j.chunks && j.elements && j.scratch)
+	if (j.chunks && j.elements && j.workspace)
 		code = run_passes(c, &j);
 	close_job(c, &j);
 	return code;

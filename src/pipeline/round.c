@@ -2,7 +2,7 @@
 
 #include "base/sort.h"
 #include "pipeline/dispatch.h"
-#include "pipeline/hand.h"
+#include "pipeline/round_workspace.h"
 #include "pipeline/ledger.h"
 #include "pipeline/pieces.h"
 #include "pipeline/rerun.h"
@@ -17,7 +17,7 @@ enum { SURVEY_CLUSTERS = 8, SURVEY_LEAST = 4, SURVEY_SHARE = 64 };
 typedef struct survey_run {
 	const wh_store *store;
 	wh_progress *progress;
-	wh_hand *hands;
+	wh_round_workspace *workspace;
 	const wh_simplify_params *params;
 	uint32_t piece_faces;
 	uint32_t samples; /* clusters surveyed */
@@ -35,10 +35,10 @@ static uint32_t survey_cluster(const survey_run *r, int64_t index)
 static wh_code survey_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const survey_run *r = arg;
-	wh_hand *h = &r->hands[worker];
-	if (wh_hand_ready(c, h) != WH_OK ||
-	    wh_store_load(c, r->store, survey_cluster(r, index), &h->scratch, &h->patch) != WH_OK ||
-	    wh_cluster_survey(c, h->work, &h->patch, r->piece_faces, r->pieces, r->params,
+	wh_round_workspace *ws = &r->workspace[worker];
+	if (wh_round_workspace_ready(c, ws) != WH_OK ||
+	    wh_store_load(c, r->store, survey_cluster(r, index), &ws->load, &ws->patch) != WH_OK ||
+	    wh_cluster_survey(c, ws->cluster, &ws->patch, r->piece_faces, r->pieces, r->params,
 	                      &r->part[index]) != WH_OK)
 		return c->err.code;
 	wh_progress_add(r->progress, 1);
@@ -87,7 +87,7 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	if (survey_size(c, &r) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "survey", r.samples);
-	r.hands = wh_hands_make(c, ex->workers, store, r.max_v, r.max_f);
+	r.workspace = wh_round_workspaces_make(c, ex->workers, store, r.max_v, r.max_f);
 	wh_code code = survey_parts(c, &r);
 	if (code == WH_OK)
 		code = wh_exec_for(c, ex, r.samples, survey_job, &r);
@@ -96,7 +96,7 @@ wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	for (uint32_t i = 0; r.part && i < r.samples; i++)
 		wh_free(c, r.part[i].log);
 	wh_free(c, r.part);
-	wh_hands_free(c, r.hands, ex->workers);
+	wh_round_workspaces_free(c, r.workspace, ex->workers);
 	return code;
 }
 
@@ -141,7 +141,7 @@ static uint64_t *all_counts(wh_ctx *c, const wh_store *store)
 typedef struct reduce_run {
 	const wh_store *from, *to;
 	wh_progress *progress;
-	wh_hand *hands;
+	wh_round_workspace *workspace;
 	wh_sequence_writer *writer; /* one for each worker; NULL: collapses are not kept */
 	uint64_t *first;            /* face of each cluster, where they are numbered now */
 	const wh_cluster_params *params;
@@ -169,50 +169,50 @@ static bool is_elsewhere(const wh_ctx *c, const reduce_run *r, uint32_t k)
 
 /* Reduces the patch at hand, which is cluster k, and keeps the collapses where that is asked for.
  */
-static wh_code reduce_patch(wh_ctx *c, const reduce_run *r, wh_hand *h, uint32_t k, int worker,
-                            wh_simplify_result *done)
+static wh_code reduce_patch(wh_ctx *c, const reduce_run *r, wh_round_workspace *ws, uint32_t k,
+                            int worker, wh_simplify_result *done)
 {
 	if (!r->writer)
-		return wh_cluster_reduce(c, h->work, &h->patch, r->params, done);
+		return wh_cluster_reduce(c, ws->cluster, &ws->patch, r->params, done);
 	wh_sequence_writer *w = &r->writer[worker];
 	const wh_collapse_sink sink = {wh_sequence_put, w};
 	wh_cluster_params p = *r->params;
 	p.all.sink = &sink;
-	wh_code code = wh_sequence_begin(c, w, r->to->sequence, r->to->generation, k, &h->patch,
+	wh_code code = wh_sequence_begin(c, w, r->to->sequence, r->to->generation, k, &ws->patch,
 	                                 (uint32_t)r->first[k]);
 	if (code == WH_OK)
-		code = wh_cluster_reduce(c, h->work, &h->patch, &p, done);
-	return wh_sequence_end(c, w, &h->patch, code);
+		code = wh_cluster_reduce(c, ws->cluster, &ws->patch, &p, done);
+	return wh_sequence_end(c, w, &ws->patch, code);
 }
 
 static wh_code reduce_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const reduce_run *r = arg;
-	wh_hand *h = &r->hands[worker];
+	wh_round_workspace *ws = &r->workspace[worker];
 	uint32_t k;
 	if (!wh_round_turn(r->from, r->to, r->order, index, &k) || is_elsewhere(c, r, k))
 		return WH_OK;
-	if (wh_hand_ready(c, h) != WH_OK)
+	if (wh_round_workspace_ready(c, ws) != WH_OK)
 		return c->err.code;
 	wh_round_result *out = &r->part[k];
-	if (wh_ledger_is_saved(c, r->to, k, &h->scratch, out, sizeof *out))
+	if (wh_ledger_is_saved(c, r->to, k, &ws->load, out, sizeof *out))
 		return pass_over(c, r, k);
-	if (wh_store_load(c, r->from, k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_store_load(c, r->from, k, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	const uint32_t before = h->patch.nf;
-	out->unreferenced = h->scratch.unreferenced;
-	if (reduce_patch(c, r, h, k, worker, &out->work) != WH_OK ||
-	    wh_store_save(c, r->to, k, &h->patch) != WH_OK)
+	const uint32_t before = ws->patch.nf;
+	out->unreferenced = ws->load.unreferenced;
+	if (reduce_patch(c, r, ws, k, worker, &out->work) != WH_OK ||
+	    wh_store_save(c, r->to, k, &ws->patch) != WH_OK)
 		return c->err.code;
-	out->faces = h->patch.nf;
-	out->vertices = h->patch.nv;
+	out->faces = ws->patch.nf;
+	out->vertices = ws->patch.nv;
 	wh_progress_add(r->progress, before);
 	return wh_ledger_saved(c, r->to, k, out, sizeof *out);
 }
 
 size_t wh_round_bytes(const wh_store *store, uint64_t nv, uint64_t nf, size_t state)
 {
-	return wh_store_scratch_bytes(store, nv, nf) +
+	return wh_store_workspace_bytes(store, nv, nf) +
 	       wh_cluster_bytes(nv, nf, store->attr_bytes, store->face_bytes) + (size_t)nv * state +
 	       wh_rerun_bytes(nv, store->attr_bytes);
 }
@@ -252,7 +252,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	wh_store_lay_out(from, to);
 	wh_progress_phase(progress, "decimate", faces);
 	reduce_run r = {.from = from, .to = to, .progress = progress, .params = params};
-	r.hands = wh_hands_make(c, ex->workers, from, max_v, max_f);
+	r.workspace = wh_round_workspaces_make(c, ex->workers, from, max_v, max_f);
 	r.part = wh_calloc(c, from->clusters, sizeof *r.part);
 	uint64_t *order = wh_round_longest_first(c, from);
 	r.order = order;
@@ -269,7 +269,7 @@ wh_code wh_round_reduce(wh_ctx *c, const wh_exec *ex, wh_progress *progress, con
 	wh_free(c, r.writer);
 	wh_free(c, r.first);
 	wh_free(c, r.part);
-	wh_hands_free(c, r.hands, ex->workers);
+	wh_round_workspaces_free(c, r.workspace, ex->workers);
 	return code;
 }
 

@@ -1,6 +1,6 @@
 #include "pipeline/settle.h"
 
-#include "pipeline/hand.h"
+#include "pipeline/round_workspace.h"
 #include "pipeline/ledger.h"
 #include "pipeline/quota.h"
 #include "pipeline/rerun.h"
@@ -12,8 +12,8 @@ typedef struct settle {
 	wh_store *to;
 	wh_progress *progress;
 	const wh_settle_params *params;
-	wh_hand *hands; /* one for each worker, as are the next two */
-	wh_cost_log *scratch;
+	wh_round_workspace *workspace; /* one for each worker, as are the next two */
+	wh_cost_log *costs;
 	wh_rerun *rerun;
 	uint64_t *order;   /* of the clusters */
 	wh_quota_log *log; /* one for each cluster, as are those below */
@@ -86,7 +86,7 @@ static bool recall_log(wh_ctx *c, settle *s, uint32_t k, trial_entry *e)
 
 /* True when the trial of cluster k need not be done again: its collapses are still there, or are
  * not needed any more. */
-static bool recall_trial(wh_ctx *c, settle *s, uint32_t k, wh_store_scratch *scratch)
+static bool recall_trial(wh_ctx *c, settle *s, uint32_t k, wh_store_workspace *ws)
 {
 	trial_entry e;
 	uint64_t size, checksum;
@@ -101,7 +101,7 @@ static bool recall_trial(wh_ctx *c, settle *s, uint32_t k, wh_store_scratch *scr
 	    size == e.size && checksum == e.checksum)
 		return true;
 	const wh_store whole = result_store(s);
-	if (wh_ledger_is_saved(c, &whole, k, scratch, &result, sizeof result))
+	if (wh_ledger_is_saved(c, &whole, k, ws, &result, sizeof result))
 		return true;
 	wh_free(c, s->log[k].item);
 	s->log[k] = (wh_quota_log){0};
@@ -120,8 +120,8 @@ static wh_code pass_over(wh_ctx *c, const settle *s, uint32_t k)
 /* ---- on trial ----------------------------------------------------------------------------- */
 
 /* Reduces the patch at hand, which is cluster k, and records what is done to it. */
-static wh_code reduce_on_trial(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun *rerun, uint32_t k,
-                               wh_cost_log *log, wh_simplify_result *done)
+static wh_code reduce_on_trial(wh_ctx *c, const settle *s, wh_round_workspace *ws, wh_rerun *rerun,
+                               uint32_t k, wh_cost_log *log, wh_simplify_result *done)
 {
 	const wh_collapse_sink sink = {wh_rerun_put, rerun};
 	wh_cluster_params p = {.all = s->params->all};
@@ -131,7 +131,7 @@ static wh_code reduce_on_trial(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun 
 	memset(log, 0, sizeof *log);
 	if (wh_rerun_begin(c, rerun, s->from->spill, k) != WH_OK)
 		return c->err.code;
-	return wh_rerun_end(c, rerun, wh_cluster_reduce(c, h->work, &h->patch, &p, done));
+	return wh_rerun_end(c, rerun, wh_cluster_reduce(c, ws->cluster, &ws->patch, &p, done));
 }
 
 /* True for a cluster of another part whose trial is done. */
@@ -145,20 +145,20 @@ static bool is_elsewhere(const settle *s, uint32_t k)
 static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
-	wh_hand *h = &s->hands[worker];
-	wh_cost_log *log = &s->scratch[worker];
+	wh_round_workspace *ws = &s->workspace[worker];
+	wh_cost_log *log = &s->costs[worker];
 	uint32_t k;
 	if (!wh_round_turn(s->from, s->to, s->order, index, &k) || is_elsewhere(s, k))
 		return WH_OK;
-	if (wh_hand_ready(c, h) != WH_OK)
+	if (wh_round_workspace_ready(c, ws) != WH_OK)
 		return c->err.code;
-	if (s->to->ledger && recall_trial(c, s, k, &h->scratch))
+	if (s->to->ledger && recall_trial(c, s, k, &ws->load))
 		return pass_over(c, s, k);
-	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_store_load(c, s->from, k, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	const uint32_t before = h->patch.nf;
+	const uint32_t before = ws->patch.nf;
 	wh_simplify_result done = {0};
-	if (reduce_on_trial(c, s, h, &s->rerun[worker], k, log, &done) != WH_OK)
+	if (reduce_on_trial(c, s, ws, &s->rerun[worker], k, log, &done) != WH_OK)
 		return c->err.code;
 	s->open[k] = done.border > 0;
 	wh_progress_add(s->progress, before);
@@ -171,7 +171,7 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 
 /* As on trial, up to the cluster's share. Where faces carry something, collapses cannot be done
  * again from two vertices alone: they are found again, which gives the same ones. */
-static wh_code find_again(wh_ctx *c, const settle *s, wh_hand *h, uint32_t k,
+static wh_code find_again(wh_ctx *c, const settle *s, wh_round_workspace *ws, uint32_t k,
                           wh_simplify_result *done)
 {
 	wh_rerun_file name;
@@ -181,39 +181,39 @@ static wh_code find_again(wh_ctx *c, const settle *s, wh_hand *h, uint32_t k,
 	*done = (wh_simplify_result){0};
 	wh_code code = WH_OK;
 	if (p.all.most_faces && p.all.most_collapses)
-		code = wh_cluster_reduce(c, h->work, &h->patch, &p, done);
+		code = wh_cluster_reduce(c, ws->cluster, &ws->patch, &p, done);
 	wh_spill_remove(s->from->spill, wh_rerun_name(k, name));
 	return code;
 }
 
-static wh_code perform_share(wh_ctx *c, const settle *s, wh_hand *h, wh_rerun *rerun, uint32_t k,
-                             wh_simplify_result *done)
+static wh_code perform_share(wh_ctx *c, const settle *s, wh_round_workspace *ws, wh_rerun *rerun,
+                             uint32_t k, wh_simplify_result *done)
 {
 	const wh_rerun_limit share = {s->share[k].faces, s->share[k].vertices};
 	if (s->from->face_bytes)
-		return find_again(c, s, h, k, done);
-	return wh_rerun_perform(c, rerun, s->from->spill, k, share, &h->patch, done);
+		return find_again(c, s, ws, k, done);
+	return wh_rerun_perform(c, rerun, s->from->spill, k, share, &ws->patch, done);
 }
 
 static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	settle *s = arg;
-	wh_hand *h = &s->hands[worker];
+	wh_round_workspace *ws = &s->workspace[worker];
 	const uint32_t k = (uint32_t)s->order[index];
 	wh_round_result *out = &s->part[k];
-	if (wh_hand_ready(c, h) != WH_OK)
+	if (wh_round_workspace_ready(c, ws) != WH_OK)
 		return c->err.code;
-	if (wh_ledger_is_saved(c, s->to, k, &h->scratch, out, sizeof *out))
+	if (wh_ledger_is_saved(c, s->to, k, &ws->load, out, sizeof *out))
 		return pass_over(c, s, k);
-	if (wh_store_load(c, s->from, k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_store_load(c, s->from, k, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	const uint32_t before = h->patch.nf;
-	if (perform_share(c, s, h, &s->rerun[worker], k, &out->work) != WH_OK ||
-	    wh_store_save(c, s->to, k, &h->patch) != WH_OK)
+	const uint32_t before = ws->patch.nf;
+	if (perform_share(c, s, ws, &s->rerun[worker], k, &out->work) != WH_OK ||
+	    wh_store_save(c, s->to, k, &ws->patch) != WH_OK)
 		return c->err.code;
-	out->unreferenced = h->scratch.unreferenced;
-	out->faces = h->patch.nf;
-	out->vertices = h->patch.nv;
+	out->unreferenced = ws->load.unreferenced;
+	out->faces = ws->patch.nf;
+	out->vertices = ws->patch.nv;
 	wh_progress_add(s->progress, before);
 	return wh_ledger_saved(c, s->to, k, out, sizeof *out);
 }
@@ -224,12 +224,12 @@ static wh_code perform_job(wh_ctx *c, void *arg, int64_t index, int worker)
  * *taken how many went. */
 static wh_code take_one(wh_ctx *c, settle *s, uint32_t k, bool overshoot, uint32_t *taken)
 {
-	wh_hand *h = &s->hands[0];
+	wh_round_workspace *ws = &s->workspace[0];
 	*taken = 0;
-	if (wh_hand_ready(c, h) != WH_OK ||
-	    wh_store_load(c, s->to, k, &h->scratch, &h->patch) != WH_OK)
+	if (wh_round_workspace_ready(c, ws) != WH_OK ||
+	    wh_store_load(c, s->to, k, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	const uint32_t before = h->patch.nf;
+	const uint32_t before = ws->patch.nf;
 	if (before < 2)
 		return WH_OK;
 	wh_cluster_params p = {.all = s->params->all};
@@ -237,15 +237,15 @@ static wh_code take_one(wh_ctx *c, settle *s, uint32_t k, bool overshoot, uint32
 	p.all.target_faces = before - 1;
 	p.all.no_overshoot = !overshoot;
 	wh_simplify_result done;
-	if (wh_cluster_reduce(c, h->work, &h->patch, &p, &done) != WH_OK)
+	if (wh_cluster_reduce(c, ws->cluster, &ws->patch, &p, &done) != WH_OK)
 		return c->err.code;
-	*taken = before - h->patch.nf;
+	*taken = before - ws->patch.nf;
 	if (*taken == 0)
 		return WH_OK;
 	s->part[k].faces -= *taken;
-	s->part[k].vertices = h->patch.nv;
+	s->part[k].vertices = ws->patch.nv;
 	wh_simplify_result_add(&s->part[k].work, &done);
-	return wh_store_save(c, s->to, k, &h->patch);
+	return wh_store_save(c, s->to, k, &ws->patch);
 }
 
 /* One face too many is left: an inner collapse takes two. A cluster with a boundary can give up
@@ -302,8 +302,8 @@ static wh_code share_out(wh_ctx *c, const wh_exec *ex, settle *s, wh_quota *sum)
 static wh_code settle_open(wh_ctx *c, const wh_exec *ex, settle *s, uint64_t max_v, uint64_t max_f)
 {
 	const uint32_t n = s->from->clusters;
-	s->hands = wh_hands_make(c, ex->workers, s->from, max_v, max_f);
-	s->scratch = wh_alloc(c, (size_t)ex->workers, sizeof *s->scratch);
+	s->workspace = wh_round_workspaces_make(c, ex->workers, s->from, max_v, max_f);
+	s->costs = wh_alloc(c, (size_t)ex->workers, sizeof *s->costs);
 	s->rerun = wh_calloc(c, (size_t)ex->workers, sizeof *s->rerun);
 	s->order = wh_round_longest_first(c, s->from);
 	s->log = wh_calloc(c, n, sizeof *s->log);
@@ -327,8 +327,8 @@ static void settle_close(wh_ctx *c, const wh_exec *ex, settle *s)
 	wh_free(c, s->share);
 	wh_free(c, s->log);
 	wh_free(c, s->order);
-	wh_free(c, s->scratch);
-	wh_hands_free(c, s->hands, ex->workers);
+	wh_free(c, s->costs);
+	wh_round_workspaces_free(c, s->workspace, ex->workers);
 }
 
 wh_code wh_settle(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,

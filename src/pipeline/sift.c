@@ -24,23 +24,23 @@ typedef struct part {
 } part;
 
 /* What one worker needs. */
-typedef struct hand {
-	wh_store_scratch scratch;
+typedef struct workspace {
+	wh_store_workspace load;
 	wh_patch patch;
 	uint32_t *set;  /* parts: a forest over the vertices */
 	part *part;     /* of each root */
 	uint32_t *slot; /* table of faces: number + 1 */
 	size_t set_cap, part_cap, slot_cap;
-	uint32_t *map; /* scratch for a patch that loses vertices */
+	uint32_t *map; /* for a patch that loses vertices */
 	size_t map_cap;
 	wh_sift_result found;
-} hand;
+} workspace;
 
 typedef struct sift {
 	const wh_store *from, *to;
 	const wh_sift_params *params;
 	wh_progress *progress;
-	hand *hands;
+	workspace *workspace;
 	wh_sift_result *result;
 	/* cut vertices, by number */
 	wh_idmap number;
@@ -71,17 +71,17 @@ static void corners_of(const wh_patch *p, uint32_t f, uint32_t t[3])
 }
 
 /* Puts face f into the table; false when one with its corners is there. */
-static bool put_face(hand *h, size_t mask, const wh_patch *p, uint32_t f, uint32_t as)
+static bool put_face(workspace *ws, size_t mask, const wh_patch *p, uint32_t f, uint32_t as)
 {
 	uint32_t t[3], other[3];
 	corners_of(p, f, t);
 	size_t at = wh_mix64(((uint64_t)t[0] << 32 | t[1]) ^ wh_mix64(t[2])) & mask;
-	for (; h->slot[at]; at = (at + 1) & mask) {
-		corners_of(p, h->slot[at] - 1, other);
+	for (; ws->slot[at]; at = (at + 1) & mask) {
+		corners_of(p, ws->slot[at] - 1, other);
 		if (memcmp(t, other, sizeof t) == 0)
 			return false;
 	}
-	h->slot[at] = as + 1;
+	ws->slot[at] = as + 1;
 	return true;
 }
 
@@ -102,17 +102,17 @@ static void move_face(wh_patch *p, uint32_t to, uint32_t f)
 }
 
 /* Counts the copies, and moves the faces behind them up. */
-static wh_code drop_duplicates(wh_ctx *c, hand *h, bool drop)
+static wh_code drop_duplicates(wh_ctx *c, workspace *ws, bool drop)
 {
-	wh_patch *p = &h->patch;
+	wh_patch *p = &ws->patch;
 	const size_t slots = table_size(p->nf);
 	uint32_t left = 0;
-	if (wh_renew(c, &h->slot, &h->slot_cap, slots, sizeof *h->slot) != WH_OK)
+	if (wh_renew(c, &ws->slot, &ws->slot_cap, slots, sizeof *ws->slot) != WH_OK)
 		return c->err.code;
-	memset(h->slot, 0, slots * sizeof *h->slot);
+	memset(ws->slot, 0, slots * sizeof *ws->slot);
 	for (uint32_t f = 0; f < p->nf; f++) {
-		const bool first = put_face(h, slots - 1, p, f, drop ? left : f);
-		h->found.duplicate_faces += !first;
+		const bool first = put_face(ws, slots - 1, p, f, drop ? left : f);
+		ws->found.duplicate_faces += !first;
 		if (drop && !first)
 			continue;
 		move_face(p, left++, f);
@@ -121,49 +121,49 @@ static wh_code drop_duplicates(wh_ctx *c, hand *h, bool drop)
 	return WH_OK;
 }
 
-static void count_zero_areas(hand *h)
+static void count_zero_areas(workspace *ws)
 {
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = &ws->patch;
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = p->tri + 3 * (size_t)f;
 		const wh_vec3 a = p->pos[t[0]];
 		const wh_vec3 n = wh_cross(wh_sub(p->pos[t[1]], a), wh_sub(p->pos[t[2]], a));
-		h->found.zero_area_faces += n.x == 0 && n.y == 0 && n.z == 0;
+		ws->found.zero_area_faces += n.x == 0 && n.y == 0 && n.z == 0;
 	}
 }
 
-static wh_code find_parts(wh_ctx *c, hand *h)
+static wh_code find_parts(wh_ctx *c, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
-	if (wh_reserve(c, &h->set, &h->set_cap, p->nv, sizeof *h->set) != WH_OK ||
-	    wh_reserve(c, &h->part, &h->part_cap, p->nv, sizeof *h->part) != WH_OK)
+	const wh_patch *p = &ws->patch;
+	if (wh_reserve(c, &ws->set, &ws->set_cap, p->nv, sizeof *ws->set) != WH_OK ||
+	    wh_reserve(c, &ws->part, &ws->part_cap, p->nv, sizeof *ws->part) != WH_OK)
 		return c->err.code;
-	wh_sets_init(h->set, p->nv);
+	wh_sets_init(ws->set, p->nv);
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = p->tri + 3 * (size_t)f;
-		(void)wh_sets_join(h->set, t[0], t[1]);
-		(void)wh_sets_join(h->set, t[1], t[2]);
+		(void)wh_sets_join(ws->set, t[0], t[1]);
+		(void)wh_sets_join(ws->set, t[1], t[2]);
 	}
-	memset(h->part, 0, p->nv * sizeof *h->part);
+	memset(ws->part, 0, p->nv * sizeof *ws->part);
 	for (uint32_t v = 0; v < p->nv; v++)
-		h->part[wh_sets_find(h->set, v)].vertices += !(p->flag[v] & WH_CUT);
+		ws->part[wh_sets_find(ws->set, v)].vertices += !(p->flag[v] & WH_CUT);
 	for (uint32_t f = 0; f < p->nf; f++)
-		h->part[wh_sets_find(h->set, p->tri[3 * (size_t)f])].faces++;
+		ws->part[wh_sets_find(ws->set, p->tri[3 * (size_t)f])].faces++;
 	return WH_OK;
 }
 
 /* Loads a cluster and finds what it is made of. */
-static wh_code look(wh_ctx *c, const sift *s, hand *h, uint32_t cluster)
+static wh_code look(wh_ctx *c, const sift *s, workspace *ws, uint32_t cluster)
 {
-	h->found = (wh_sift_result){0};
-	if (wh_store_load(c, s->from, cluster, &h->scratch, &h->patch) != WH_OK)
+	ws->found = (wh_sift_result){0};
+	if (wh_store_load(c, s->from, cluster, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	if (h->patch.nf == 0)
+	if (ws->patch.nf == 0)
 		return WH_OK;
-	count_zero_areas(h);
-	if (drop_duplicates(c, h, s->params->drop_duplicates) != WH_OK)
+	count_zero_areas(ws);
+	if (drop_duplicates(c, ws, s->params->drop_duplicates) != WH_OK)
 		return c->err.code;
-	return s->params->min_component ? find_parts(c, h) : WH_OK;
+	return s->params->min_component ? find_parts(c, ws) : WH_OK;
 }
 
 /* ---- the first pass ----------------------------------------------------------------------- */
@@ -171,7 +171,7 @@ static wh_code look(wh_ctx *c, const sift *s, hand *h, uint32_t cluster)
 static wh_code look_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const sift *s = arg;
-	return look(c, s, &s->hands[worker], (uint32_t)index);
+	return look(c, s, &s->workspace[worker], (uint32_t)index);
 }
 
 /* The number of a cut vertex. */
@@ -209,34 +209,34 @@ static void join(sift *s, uint32_t a, uint32_t b)
 
 /* Each part with cut vertices is handed over; h->slot, a table no more, keeps the number of one of
  * them for each root. */
-static wh_code hand_over(wh_ctx *c, sift *s, hand *h)
+static wh_code hand_over(wh_ctx *c, sift *s, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
-	if (wh_renew(c, &h->slot, &h->slot_cap, p->nv, sizeof *h->slot) != WH_OK)
+	const wh_patch *p = &ws->patch;
+	if (wh_renew(c, &ws->slot, &ws->slot_cap, p->nv, sizeof *ws->slot) != WH_OK)
 		return c->err.code;
-	memset(h->slot, 0xff, p->nv * sizeof *h->slot);
+	memset(ws->slot, 0xff, p->nv * sizeof *ws->slot);
 	for (uint32_t v = 0; v < p->nv; v++) {
 		uint32_t number = 0;
 		if (!(p->flag[v] & WH_CUT))
 			continue;
 		if (number_of(c, s, p->gid[v], &number) != WH_OK)
 			return c->err.code;
-		const uint32_t root = wh_sets_find(h->set, v);
-		if (h->slot[root] == WH_NONE) {
+		const uint32_t root = wh_sets_find(ws->set, v);
+		if (ws->slot[root] == WH_NONE) {
 			part *to = &s->part[wh_sets_find(s->set, number)];
-			to->faces += h->part[root].faces;
-			to->vertices += h->part[root].vertices;
-			h->slot[root] = number;
+			to->faces += ws->part[root].faces;
+			to->vertices += ws->part[root].vertices;
+			ws->slot[root] = number;
 		} else {
-			join(s, h->slot[root], number);
+			join(s, ws->slot[root], number);
 		}
 	}
 	for (uint32_t v = 0; v < p->nv; v++) /* what is whole here */
-		if (h->set[v] == v && h->slot[v] == WH_NONE &&
-		    h->part[v].faces < s->params->min_component) {
+		if (ws->set[v] == v && ws->slot[v] == WH_NONE &&
+		    ws->part[v].faces < s->params->min_component) {
 			s->result->small_components++;
-			s->result->component_faces += h->part[v].faces;
-			s->result->component_vertices += h->part[v].vertices;
+			s->result->component_faces += ws->part[v].faces;
+			s->result->component_vertices += ws->part[v].vertices;
 		}
 	return WH_OK;
 }
@@ -245,12 +245,12 @@ static wh_code look_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	(void)index;
 	sift *s = arg;
-	hand *h = &s->hands[worker];
-	wh_progress_add(s->progress, h->patch.nf);
-	s->result->faces += h->patch.nf;
-	s->result->duplicate_faces += h->found.duplicate_faces;
-	s->result->zero_area_faces += h->found.zero_area_faces;
-	return h->patch.nf && s->params->min_component ? hand_over(c, s, h) : WH_OK;
+	workspace *ws = &s->workspace[worker];
+	wh_progress_add(s->progress, ws->patch.nf);
+	s->result->faces += ws->patch.nf;
+	s->result->duplicate_faces += ws->found.duplicate_faces;
+	s->result->zero_area_faces += ws->found.zero_area_faces;
+	return ws->patch.nf && s->params->min_component ? hand_over(c, s, ws) : WH_OK;
 }
 
 /* All is joined: parents become roots, so that workers may look without changing anything. */
@@ -269,28 +269,28 @@ static void sum_up(sift *s)
 /* ---- the second pass ---------------------------------------------------------------------- */
 
 /* Sets the faces of each root to 0 where its component goes. */
-static void judge_parts(const sift *s, hand *h)
+static void judge_parts(const sift *s, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = &ws->patch;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		if (!(p->flag[v] & WH_CUT))
 			continue;
 		const uint64_t *number = wh_idmap_get(&s->number, p->gid[v]);
-		h->part[wh_sets_find(h->set, v)].faces = s->part[s->set[*number]].faces;
+		ws->part[wh_sets_find(ws->set, v)].faces = s->part[s->set[*number]].faces;
 	}
 	for (uint32_t v = 0; v < p->nv; v++)
-		if (h->set[v] == v && h->part[v].faces < s->params->min_component)
-			h->part[v].faces = 0;
+		if (ws->set[v] == v && ws->part[v].faces < s->params->min_component)
+			ws->part[v].faces = 0;
 }
 
-static void drop_parts(const sift *s, hand *h)
+static void drop_parts(const sift *s, workspace *ws)
 {
-	wh_patch *p = &h->patch;
+	wh_patch *p = &ws->patch;
 	uint32_t left = 0;
-	judge_parts(s, h);
+	judge_parts(s, ws);
 	for (uint32_t f = 0; f < p->nf; f++) {
 		const uint32_t *t = p->tri + 3 * (size_t)f;
-		if (h->part[wh_sets_find(h->set, t[0])].faces > 0)
+		if (ws->part[wh_sets_find(ws->set, t[0])].faces > 0)
 			move_face(p, left++, f);
 	}
 	p->nf = left;
@@ -299,17 +299,17 @@ static void drop_parts(const sift *s, hand *h)
 static wh_code write_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const sift *s = arg;
-	hand *h = &s->hands[worker];
-	if (look(c, s, h, (uint32_t)index) != WH_OK)
+	workspace *ws = &s->workspace[worker];
+	if (look(c, s, ws, (uint32_t)index) != WH_OK)
 		return c->err.code;
-	wh_progress_add(s->progress, h->patch.nf);
-	if (s->params->min_component && h->patch.nf) {
-		drop_parts(s, h);
-		if (wh_reserve(c, &h->map, &h->map_cap, h->patch.nv, sizeof *h->map) != WH_OK)
+	wh_progress_add(s->progress, ws->patch.nf);
+	if (s->params->min_component && ws->patch.nf) {
+		drop_parts(s, ws);
+		if (wh_reserve(c, &ws->map, &ws->map_cap, ws->patch.nv, sizeof *ws->map) != WH_OK)
 			return c->err.code;
-		(void)wh_patch_compact(&h->patch, h->map);
+		(void)wh_patch_compact(&ws->patch, ws->map);
 	}
-	return wh_store_save(c, s->to, (uint32_t)index, &h->patch);
+	return wh_store_save(c, s->to, (uint32_t)index, &ws->patch);
 }
 
 static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -317,8 +317,8 @@ static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 	(void)c;
 	(void)index;
 	sift *s = arg;
-	s->faces_out += s->hands[worker].patch.nf;
-	s->result->unreferenced += s->hands[worker].scratch.unreferenced;
+	s->faces_out += s->workspace[worker].patch.nf;
+	s->result->unreferenced += s->workspace[worker].load.unreferenced;
 	return WH_OK;
 }
 
@@ -327,20 +327,20 @@ static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 size_t wh_sift_bytes(const wh_store *store, uint64_t nv, uint64_t nf)
 {
 	const size_t table = table_size(nf) * sizeof(uint32_t);
-	return wh_store_scratch_bytes(store, nv, nf) +
+	return wh_store_workspace_bytes(store, nv, nf) +
 	       wh_patch_bytes(nv, nf, store->attr_bytes, store->face_bytes) + table +
 	       (size_t)nv * (sizeof(part) + 3 * sizeof(uint32_t));
 }
 
-static wh_code hands_make(wh_ctx *c, sift *s, int workers, uint64_t max_v, uint64_t max_f)
+static wh_code workspaces_make(wh_ctx *c, sift *s, int workers, uint64_t max_v, uint64_t max_f)
 {
-	s->hands = wh_calloc(c, (size_t)workers, sizeof *s->hands);
-	for (int i = 0; s->hands && i < workers; i++) {
-		hand *h = &s->hands[i];
-		h->patch.attr_bytes = s->from->attr_bytes;
-		h->patch.face_bytes = s->from->face_bytes;
-		if (wh_store_scratch_fit(c, s->from, &h->scratch, max_v, max_f) != WH_OK ||
-		    wh_patch_reset(c, &h->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
+	s->workspace = wh_calloc(c, (size_t)workers, sizeof *s->workspace);
+	for (int i = 0; s->workspace && i < workers; i++) {
+		workspace *ws = &s->workspace[i];
+		ws->patch.attr_bytes = s->from->attr_bytes;
+		ws->patch.face_bytes = s->from->face_bytes;
+		if (wh_store_workspace_fit(c, s->from, &ws->load, max_v, max_f) != WH_OK ||
+		    wh_patch_reset(c, &ws->patch, (uint32_t)max_v, (uint32_t)max_f) != WH_OK)
 			break;
 	}
 	return c->err.code;
@@ -348,16 +348,16 @@ static wh_code hands_make(wh_ctx *c, sift *s, int workers, uint64_t max_v, uint6
 
 static void close_all(wh_ctx *c, sift *s, int workers)
 {
-	for (int i = 0; s->hands && i < workers; i++) {
-		hand *h = &s->hands[i];
-		wh_store_scratch_free(c, &h->scratch);
-		wh_patch_free(c, &h->patch);
-		wh_free(c, h->set);
-		wh_free(c, h->part);
-		wh_free(c, h->slot);
-		wh_free(c, h->map);
+	for (int i = 0; s->workspace && i < workers; i++) {
+		workspace *ws = &s->workspace[i];
+		wh_store_workspace_free(c, &ws->load);
+		wh_patch_free(c, &ws->patch);
+		wh_free(c, ws->set);
+		wh_free(c, ws->part);
+		wh_free(c, ws->slot);
+		wh_free(c, ws->map);
 	}
-	wh_free(c, s->hands);
+	wh_free(c, s->workspace);
 	wh_idmap_free(c, &s->number);
 	wh_free(c, s->set);
 	wh_free(c, s->part);
@@ -391,7 +391,7 @@ wh_code wh_sift(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_st
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(progress, "sift", faces);
-	wh_code code = hands_make(c, &s, ex->workers, max_v, max_f);
+	wh_code code = workspaces_make(c, &s, ex->workers, max_v, max_f);
 	if (code == WH_OK)
 		code = run(c, ex, &s, to, changed);
 	close_all(c, &s, ex->workers);

@@ -238,17 +238,17 @@ static size_t body_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
 	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s);
 }
 
-wh_code wh_store_scratch_fit(wh_ctx *c, const wh_store *s, wh_store_scratch *scratch, uint64_t nv,
-                             uint64_t nf)
+wh_code wh_store_workspace_fit(wh_ctx *c, const wh_store *s, wh_store_workspace *ws, uint64_t nv,
+                               uint64_t nf)
 {
-	return wh_renew(c, &scratch->raw, &scratch->raw_cap, body_bytes(s, nv, nf), 1);
+	return wh_renew(c, &ws->raw, &ws->raw_cap, body_bytes(s, nv, nf), 1);
 }
 
-void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s)
+void wh_store_workspace_free(wh_ctx *c, wh_store_workspace *s)
 {
 	wh_free(c, s->raw);
 	wh_places_free(c, &s->places);
-	*s = (wh_store_scratch){0};
+	*s = (wh_store_workspace){0};
 }
 
 static wh_code damaged(wh_ctx *c, const wh_store *s, const char *name)
@@ -273,13 +273,13 @@ static wh_code read_header(wh_ctx *c, const wh_store *s, int fd, const char *nam
 	return WH_OK;
 }
 
-static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *sc,
+static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                           header *h)
 {
 	char name[NAME_BYTES];
 	if (s->parts) {
 		*h = (header){0};
-		return wh_pieces_read(c, s, cluster, sc, &h->faces, &h->vertices);
+		return wh_pieces_read(c, s, cluster, ws, &h->faces, &h->vertices);
 	}
 	file_name(s, cluster, false, name);
 	const int fd = wh_spill_read(c, s->spill, name);
@@ -292,21 +292,21 @@ static wh_code read_whole(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_sto
 		if (fstat(fd, &st) != 0 || (uint64_t)st.st_size != sizeof *h + n)
 			code = damaged(c, s, name);
 		if (code == WH_OK)
-			code = wh_renew(c, &sc->raw, &sc->raw_cap, n, 1);
+			code = wh_renew(c, &ws->raw, &ws->raw_cap, n, 1);
 		if (code == WH_OK)
-			code = wh_spill_pread(c, s->spill, fd, sc->raw, n, sizeof *h);
-		if (code == WH_OK && XXH3_64bits(sc->raw, n) != h->checksum)
+			code = wh_spill_pread(c, s->spill, fd, ws->raw, n, sizeof *h);
+		if (code == WH_OK && XXH3_64bits(ws->raw, n) != h->checksum)
 			code = damaged(c, s, name);
 	}
 	(void)close(fd);
 	return code;
 }
 
-wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                         uint64_t *checksum)
 {
 	header h;
-	const wh_code code = read_whole(c, s, cluster, scratch, &h);
+	const wh_code code = read_whole(c, s, cluster, ws, &h);
 	*checksum = code == WH_OK ? h.checksum : 0;
 	return code;
 }
@@ -400,7 +400,7 @@ static void put_vertices_of(const wh_store *s, const uint8_t *records, uint32_t 
 /* Decodes the records, ascending by id and each once; where an id repeats, the largest error bound
  * holds. */
 static wh_code decode_vertices(wh_ctx *c, const wh_store *s, const uint8_t *records,
-                               wh_store_scratch *sc, wh_patch *p, bool *ok)
+                               wh_store_workspace *ws, wh_patch *p, bool *ok)
 {
 	const uint32_t n = p->nv;
 	*ok = true;
@@ -412,11 +412,11 @@ static wh_code decode_vertices(wh_ctx *c, const wh_store *s, const uint8_t *reco
 		put_vertices_of(s, records, n, NULL, p);
 		return WH_OK;
 	}
-	if (wh_places_fill(c, &sc->places, p->gid, n) != WH_OK)
+	if (wh_places_fill(c, &ws->places, p->gid, n) != WH_OK)
 		return c->err.code;
 	memset(p->flag, ABSENT, n);
-	put_vertices_of(s, records, n, ascend ? NULL : &sc->places, p);
-	p->nv = sc->places.n;
+	put_vertices_of(s, records, n, ascend ? NULL : &ws->places, p);
+	p->nv = ws->places.n;
 	return WH_OK;
 }
 
@@ -503,45 +503,46 @@ static bool decode_faces(const wh_store *s, const uint8_t *faces, const wh_place
 }
 
 /* Drops vertices of no face: the owners of unused ids, and ends of what other clusters took. */
-static wh_code drop_unreferenced(wh_ctx *c, wh_store_scratch *sc, wh_patch *p, const uint8_t *used)
+static wh_code drop_unreferenced(wh_ctx *c, wh_store_workspace *ws, wh_patch *p,
+                                 const uint8_t *used)
 {
 	uint32_t unused = 0;
 	for (uint32_t v = 0; v < p->nv; v++) {
 		unused += !used[v];
-		sc->unreferenced += !used[v] && !(p->flag[v] & WH_CUT);
+		ws->unreferenced += !used[v] && !(p->flag[v] & WH_CUT);
 	}
 	if (unused == 0)
 		return WH_OK;
-	uint32_t *map = wh_places_scratch(c, &sc->places, p->nv);
+	uint32_t *map = wh_places_room(c, &ws->places, p->nv);
 	if (!map)
 		return c->err.code;
 	(void)wh_patch_compact(p, map);
 	return WH_OK;
 }
 
-wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                       wh_patch *p)
 {
 	header h;
 	p->attr_bytes = s->attr_bytes;
 	p->face_bytes = s->face_bytes;
-	if (read_whole(c, s, cluster, scratch, &h) != WH_OK ||
+	if (read_whole(c, s, cluster, ws, &h) != WH_OK ||
 	    wh_patch_reset(c, p, (uint32_t)h.vertices, (uint32_t)h.faces) != WH_OK)
 		return c->err.code;
-	scratch->unreferenced = 0;
+	ws->unreferenced = 0;
 	if (h.faces == 0 && h.vertices == 0)
 		return WH_OK; /* an empty cell: nothing was allocated either */
-	uint8_t *records = scratch->raw + (size_t)h.faces * wh_store_face_bytes(s);
+	uint8_t *records = ws->raw + (size_t)h.faces * wh_store_face_bytes(s);
 	uint8_t *used = records; /* once they have been read: a byte a vertex */
 	bool ok;
-	if (decode_vertices(c, s, records, scratch, p, &ok) != WH_OK)
+	if (decode_vertices(c, s, records, ws, p, &ok) != WH_OK)
 		return c->err.code;
-	if (!ok || !decode_faces(s, scratch->raw, &scratch->places, p, used)) {
+	if (!ok || !decode_faces(s, ws->raw, &ws->places, p, used)) {
 		char name[NAME_BYTES];
 		file_name(s, cluster, false, name);
 		return damaged(c, s, name);
 	}
-	return drop_unreferenced(c, scratch, p, used);
+	return drop_unreferenced(c, ws, p, used);
 }
 
 wh_code wh_store_checksum(wh_ctx *c, const wh_store *s, uint32_t cluster, uint64_t *checksum)

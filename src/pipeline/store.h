@@ -138,16 +138,16 @@ static inline uint8_t *wh_store_put_vertex(const wh_store *s, uint8_t *at, uint6
 	return at + s->vertex_payload;
 }
 
-/* Scratch of loads, grown as needed and reused; zero-initialise. */
-typedef struct wh_store_scratch {
+/* The workspace of loads, grown as needed and reused; zero-initialise. */
+typedef struct wh_store_workspace {
 	uint8_t *raw; /* the file without its header */
 	size_t raw_cap;
 	wh_places places;      /* of the vertices */
 	uint64_t unreferenced; /* of the last load: vertices of no face, not cut, dropped */
-} wh_store_scratch;
+} wh_store_workspace;
 
-/* Bytes of a scratch that loads clusters of these counts. */
-static inline size_t wh_store_scratch_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
+/* Bytes of a workspace that loads clusters of these counts. */
+static inline size_t wh_store_workspace_bytes(const wh_store *s, uint64_t nv, uint64_t nf)
 {
 	return (size_t)nf * wh_store_face_bytes(s) + (size_t)nv * wh_store_vertex_bytes(s) +
 	       wh_places_bytes(nv, s->id_bytes == 4 ? 30 : 32) + 1024;
@@ -155,20 +155,20 @@ static inline size_t wh_store_scratch_bytes(const wh_store *s, uint64_t nv, uint
 
 /* Makes room for clusters of up to these counts, so that none of them finds too little and has to
  * get new memory. */
-wh_code wh_store_scratch_fit(wh_ctx *c, const wh_store *s, wh_store_scratch *scratch, uint64_t nv,
-                             uint64_t nf);
-void wh_store_scratch_free(wh_ctx *c, wh_store_scratch *s);
+wh_code wh_store_workspace_fit(wh_ctx *c, const wh_store *s, wh_store_workspace *ws, uint64_t nv,
+                               uint64_t nf);
+void wh_store_workspace_free(wh_ctx *c, wh_store_workspace *s);
 
 /* Loads a cluster into p: vertices ascending by global id, those without faces dropped, only
  * WH_CUT and WH_NEVER set in the flags. A damaged file is WH_E_RUN. */
-wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_store_load(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                       wh_patch *p);
 
 /* Writes a patch as cluster `cluster` of a store with local corners. */
 wh_code wh_store_save(wh_ctx *c, const wh_store *s, uint32_t cluster, const wh_patch *p);
 
 /* Reads a cluster's file and looks whether it is whole. WH_E_RUN when it is gone or damaged. */
-wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_scratch *scratch,
+wh_code wh_store_verify(wh_ctx *c, const wh_store *s, uint32_t cluster, wh_store_workspace *ws,
                         uint64_t *checksum);
 
 /* The checksum in the header of a cluster's file. */

@@ -12,8 +12,8 @@ enum {
 };
 
 /* What one worker needs. */
-typedef struct hand {
-	wh_store_scratch scratch;
+typedef struct workspace {
+	wh_store_workspace load;
 	wh_patch patch;
 	wh_page_maker maker;
 	wh_face_item *items;
@@ -23,7 +23,7 @@ typedef struct hand {
 	wh_page_entry *entry;
 	uint32_t pages;
 	uint64_t own; /* its vertices that no other cluster has */
-} hand;
+} workspace;
 
 typedef struct making {
 	wh_surface *s;
@@ -32,7 +32,7 @@ typedef struct making {
 	wh_ingest_result cut;
 	wh_progress *progress;
 	uint64_t max_v, max_f; /* of a cluster */
-	hand *hand;
+	workspace *workspace;
 	struct part {
 		wh_page_entry *entry;
 		uint32_t pages;
@@ -57,65 +57,65 @@ static uint32_t pages_of(uint64_t faces)
 	return (uint32_t)((faces + WH_PAGE_FACES - 1) / WH_PAGE_FACES);
 }
 
-static wh_code make_pages(wh_ctx *c, const making *m, hand *h)
+static wh_code make_pages(wh_ctx *c, const making *m, workspace *ws)
 {
-	const wh_patch *p = &h->patch;
+	const wh_patch *p = &ws->patch;
 	const wh_page_layout *l = &m->s->tree.layout;
-	const wh_page_soup soup = {p->nv, p->pos, p->tri, h->colour, p->gid};
-	if (wh_page_maker_begin(c, &h->maker, p->nv) != WH_OK)
+	const wh_page_soup soup = {p->nv, p->pos, p->tri, ws->colour, p->gid};
+	if (wh_page_maker_begin(c, &ws->maker, p->nv) != WH_OK)
 		return c->err.code;
 	for (uint32_t i = 0; i < p->nf; i += WH_PAGE_FACES) {
 		const uint32_t n = p->nf - i < WH_PAGE_FACES ? p->nf - i : WH_PAGE_FACES;
 		const size_t most = wh_page_record_bytes(l, 3 * n, n);
-		if (wh_reserve(c, &h->out, &h->out_cap, h->out_n + most, 1) != WH_OK)
+		if (wh_reserve(c, &ws->out, &ws->out_cap, ws->out_n + most, 1) != WH_OK)
 			return c->err.code;
-		wh_page_entry *e = &h->entry[h->pages++];
-		e->at = h->out_n;
-		h->out_n +=
-		    wh_page_make(&h->maker, l, &soup, h->items + i, n, h->out + h->out_n, e);
+		wh_page_entry *e = &ws->entry[ws->pages++];
+		e->at = ws->out_n;
+		ws->out_n +=
+		    wh_page_make(&ws->maker, l, &soup, ws->items + i, n, ws->out + ws->out_n, e);
 	}
 	for (uint32_t v = 0; v < p->nv; v++)
-		h->own += wh_page_maker_has(&h->maker, v) && !(p->flag[v] & WH_CUT);
+		ws->own += wh_page_maker_has(&ws->maker, v) && !(p->flag[v] & WH_CUT);
 	return WH_OK;
 }
 
-static wh_code order_cluster(wh_ctx *c, const making *m, uint32_t cluster, hand *h)
+static wh_code order_cluster(wh_ctx *c, const making *m, uint32_t cluster, workspace *ws)
 {
-	h->pages = 0;
-	h->own = 0;
-	h->out_n = 0;
-	if (wh_store_load(c, &m->store, cluster, &h->scratch, &h->patch) != WH_OK)
+	ws->pages = 0;
+	ws->own = 0;
+	ws->out_n = 0;
+	if (wh_store_load(c, &m->store, cluster, &ws->load, &ws->patch) != WH_OK)
 		return c->err.code;
-	if (h->patch.nf == 0)
+	if (ws->patch.nf == 0)
 		return WH_OK;
-	if (h->colour)
-		get_colours(m->src->attributes, &h->patch, h->colour);
-	wh_face_items(h->patch.pos, h->patch.tri, h->patch.nf, h->items);
-	wh_face_order(h->items, h->patch.nf);
-	return make_pages(c, m, h);
+	if (ws->colour)
+		get_colours(m->src->attributes, &ws->patch, ws->colour);
+	wh_face_items(ws->patch.pos, ws->patch.tri, ws->patch.nf, ws->items);
+	wh_face_order(ws->items, ws->patch.nf);
+	return make_pages(c, m, ws);
 }
 
 /* The pages of a cluster go wherever the file ends when they are made: entries say where. */
 static wh_code page_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	making *m = arg;
-	hand *h = &m->hand[worker];
+	workspace *ws = &m->workspace[worker];
 	wh_surface *s = m->s;
-	if (order_cluster(c, m, (uint32_t)index, h) != WH_OK)
+	if (order_cluster(c, m, (uint32_t)index, ws) != WH_OK)
 		return c->err.code;
 	wh_store_remove(&m->store, (uint32_t)index);
-	const uint64_t at = atomic_fetch_add(&m->bytes, h->out_n);
-	for (uint32_t i = 0; i < h->pages; i++)
-		h->entry[i].at += at;
-	wh_progress_add(m->progress, h->patch.nf);
-	atomic_fetch_add(&m->own, h->own);
+	const uint64_t at = atomic_fetch_add(&m->bytes, ws->out_n);
+	for (uint32_t i = 0; i < ws->pages; i++)
+		ws->entry[i].at += at;
+	wh_progress_add(m->progress, ws->patch.nf);
+	atomic_fetch_add(&m->own, ws->own);
 	struct part *part = &m->part[index];
-	part->pages = h->pages;
-	part->entry = wh_alloc(c, h->pages, sizeof *part->entry);
+	part->pages = ws->pages;
+	part->entry = wh_alloc(c, ws->pages, sizeof *part->entry);
 	if (!part->entry)
 		return c->err.code;
-	memcpy(part->entry, h->entry, h->pages * sizeof *part->entry);
-	return h->out_n ? wh_spill_pwrite(c, s->spill, s->fd, h->out, h->out_n, at) : WH_OK;
+	memcpy(part->entry, ws->entry, ws->pages * sizeof *part->entry);
+	return ws->out_n ? wh_spill_pwrite(c, s->spill, s->fd, ws->out, ws->out_n, at) : WH_OK;
 }
 
 /* All entries, in the order of the clusters. */
@@ -140,49 +140,51 @@ static size_t out_bytes(const making *m, uint64_t nv, uint64_t nf)
 	return (size_t)twice * each + (size_t)nf * 6 + (size_t)pages_of(nf) * 64;
 }
 
-static size_t hand_bytes(const making *m, uint64_t nv, uint64_t nf)
+static size_t workspace_bytes(const making *m, uint64_t nv, uint64_t nf)
 {
 	const size_t colour = m->s->tree.layout.coloured ? 3 * sizeof(float) : 0;
-	return wh_store_scratch_bytes(&m->store, nv, nf) +
+	return wh_store_workspace_bytes(&m->store, nv, nf) +
 	       wh_patch_bytes(nv, nf, m->store.attr_bytes, m->store.face_bytes) +
 	       (size_t)nv * (sizeof(uint32_t) + colour) + (size_t)nf * sizeof(wh_face_item) +
-	       out_bytes(m, nv, nf) + pages_of(nf) * sizeof(wh_page_entry) + sizeof(hand);
+	       out_bytes(m, nv, nf) + pages_of(nf) * sizeof(wh_page_entry) + sizeof(workspace);
 }
 
-static wh_code hands_make(wh_ctx *c, making *m, int workers)
+static wh_code workspaces_make(wh_ctx *c, making *m, int workers)
 {
-	m->hand = wh_calloc(c, (size_t)workers, sizeof *m->hand);
-	for (int i = 0; m->hand && i < workers; i++) {
-		hand *h = &m->hand[i];
-		h->patch.attr_bytes = m->store.attr_bytes;
-		h->patch.face_bytes = m->store.face_bytes;
-		h->items = wh_alloc(c, (size_t)m->max_f, sizeof *h->items);
-		h->entry = wh_alloc(c, pages_of(m->max_f), sizeof *h->entry);
+	m->workspace = wh_calloc(c, (size_t)workers, sizeof *m->workspace);
+	for (int i = 0; m->workspace && i < workers; i++) {
+		workspace *ws = &m->workspace[i];
+		ws->patch.attr_bytes = m->store.attr_bytes;
+		ws->patch.face_bytes = m->store.face_bytes;
+		ws->items = wh_alloc(c, (size_t)m->max_f, sizeof *ws->items);
+		ws->entry = wh_alloc(c, pages_of(m->max_f), sizeof *ws->entry);
 		if (m->s->tree.layout.coloured)
-			h->colour = wh_alloc(c, (size_t)m->max_v, 3 * sizeof *h->colour);
-		if (wh_store_scratch_fit(c, &m->store, &h->scratch, m->max_v, m->max_f) != WH_OK ||
-		    wh_patch_reset(c, &h->patch, (uint32_t)m->max_v, (uint32_t)m->max_f) != WH_OK ||
-		    wh_page_maker_begin(c, &h->maker, (uint32_t)m->max_v) != WH_OK ||
-		    wh_renew(c, &h->out, &h->out_cap, out_bytes(m, m->max_v, m->max_f), 1) != WH_OK)
+			ws->colour = wh_alloc(c, (size_t)m->max_v, 3 * sizeof *ws->colour);
+		if (wh_store_workspace_fit(c, &m->store, &ws->load, m->max_v, m->max_f) != WH_OK ||
+		    wh_patch_reset(c, &ws->patch, (uint32_t)m->max_v, (uint32_t)m->max_f) !=
+		        WH_OK ||
+		    wh_page_maker_begin(c, &ws->maker, (uint32_t)m->max_v) != WH_OK ||
+		    wh_renew(c, &ws->out, &ws->out_cap, out_bytes(m, m->max_v, m->max_f), 1) !=
+		        WH_OK)
 			break;
 	}
 	return c->err.code;
 }
 
-static void hands_free(wh_ctx *c, making *m, int workers)
+static void workspaces_free(wh_ctx *c, making *m, int workers)
 {
-	for (int i = 0; m->hand && i < workers; i++) {
-		hand *h = &m->hand[i];
-		wh_store_scratch_free(c, &h->scratch);
-		wh_patch_free(c, &h->patch);
-		wh_page_maker_free(c, &h->maker);
-		wh_free(c, h->items);
-		wh_free(c, h->entry);
-		wh_free(c, h->colour);
-		wh_free(c, h->out);
+	for (int i = 0; m->workspace && i < workers; i++) {
+		workspace *ws = &m->workspace[i];
+		wh_store_workspace_free(c, &ws->load);
+		wh_patch_free(c, &ws->patch);
+		wh_page_maker_free(c, &ws->maker);
+		wh_free(c, ws->items);
+		wh_free(c, ws->entry);
+		wh_free(c, ws->colour);
+		wh_free(c, ws->out);
 	}
-	wh_free(c, m->hand);
-	m->hand = NULL;
+	wh_free(c, m->workspace);
+	m->workspace = NULL;
 }
 
 static wh_code too_small(wh_ctx *c, const wh_surface_params *p, size_t need, size_t ceiling)
@@ -235,7 +237,7 @@ static wh_code write_pages(wh_ctx *c, const wh_exec *ex, making *m, const wh_sur
 		               "'%s' has nothing to compare: none of its faces has three different "
 		               "corners",
 		               p->path);
-	const size_t each = hand_bytes(m, m->max_v, m->max_f);
+	const size_t each = workspace_bytes(m, m->max_v, m->max_f);
 	const size_t entries =
 	    4 * (pages_of(faces) + (size_t)m->store.clusters) * sizeof(wh_page_entry);
 	if (entries + each > p->budget)
@@ -245,13 +247,13 @@ static wh_code write_pages(wh_ctx *c, const wh_exec *ex, making *m, const wh_sur
 	if ((size_t)few.workers > fit)
 		few.workers = (int)fit;
 	wh_progress_phase(m->progress, "order", faces);
-	wh_code code = hands_make(c, m, few.workers);
+	wh_code code = workspaces_make(c, m, few.workers);
 	m->part = wh_calloc(c, m->store.clusters, sizeof *m->part);
 	if (code == WH_OK)
 		code = c->err.code;
 	if (code == WH_OK)
 		code = wh_exec_for(c, &few, m->store.clusters, page_job, m);
-	hands_free(c, m, few.workers);
+	workspaces_free(c, m, few.workers);
 	if (code == WH_OK)
 		code = list_pages(c, m);
 	for (uint32_t k = 0; m->part && k < m->store.clusters; k++)

@@ -39,7 +39,7 @@ typedef struct copies {
 } copies;
 
 /* What one worker needs. */
-typedef struct hand {
+typedef struct workspace {
 	void *raw;
 	uint64_t *ids;
 	wh_bins edges;  /* by the window of end[0] */
@@ -50,7 +50,7 @@ typedef struct hand {
 	uint32_t *set;  /* ... and the sets they are in */
 	size_t id_cap, set_cap;
 	uint64_t n; /* edges found */
-} hand;
+} workspace;
 
 typedef struct search {
 	const wh_exec *ex;
@@ -65,7 +65,7 @@ typedef struct search {
 	uint64_t *map; /* places of the window at hand */
 	wh_bin_file edge_file, half_file, named_file, copy_file;
 	wh_bins half, named;
-	hand *hands;
+	workspace *workspace;
 	wh_near *twins;
 	bool any;
 } search;
@@ -127,7 +127,7 @@ static void *room_of(wh_ctx *c, const search *s, wh_bins *bins, uint64_t id)
 	return wh_bins_room(c, bins, (uint32_t)(id / s->window));
 }
 
-static wh_code take_face(wh_ctx *c, const search *s, hand *h, const uint64_t *t)
+static wh_code take_face(wh_ctx *c, const search *s, workspace *ws, const uint64_t *t)
 {
 	bool at[3];
 	if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
@@ -139,11 +139,11 @@ static wh_code take_face(wh_ctx *c, const search *s, hand *h, const uint64_t *t)
 		if (!at[k] && !at[next])
 			continue;
 		const edge e = {.end = {t[k], t[next]}};
-		void *to = room_of(c, s, &h->edges, t[k]);
+		void *to = room_of(c, s, &ws->edges, t[k]);
 		if (!to)
 			return c->err.code;
 		memcpy(to, &e, sizeof e);
-		h->n++;
+		ws->n++;
 	}
 	return WH_OK;
 }
@@ -151,15 +151,15 @@ static wh_code take_face(wh_ctx *c, const search *s, hand *h, const uint64_t *t)
 static wh_code edges_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
-	hand *h = &s->hands[worker];
+	workspace *ws = &s->workspace[worker];
 	const size_t n = wh_chunk_items(s->source->nf, index, CHUNK);
 	const wh_code code =
-	    wh_source_triangles(c, s->source, (uint64_t)index * CHUNK, n, h->ids, h->raw);
+	    wh_source_triangles(c, s->source, (uint64_t)index * CHUNK, n, ws->ids, ws->raw);
 	wh_progress_add(s->progress, n);
 	if (code != WH_OK)
 		return code;
 	for (size_t i = 0; i < n; i++)
-		if (take_face(c, s, h, h->ids + 3 * i) != WH_OK)
+		if (take_face(c, s, ws, ws->ids + 3 * i) != WH_OK)
 			return c->err.code;
 	return WH_OK;
 }
@@ -172,8 +172,8 @@ static wh_code find_edges(wh_ctx *c, search *s)
 	if (code != WH_OK)
 		return code;
 	for (int i = 0; i < s->ex->workers; i++) {
-		n += s->hands[i].n;
-		if (wh_bins_end(c, &s->hands[i].edges) != WH_OK)
+		n += s->workspace[i].n;
+		if (wh_bins_end(c, &s->workspace[i].edges) != WH_OK)
 			return c->err.code;
 	}
 	const uint64_t buckets = n / BUCKET + 1;
@@ -243,7 +243,7 @@ static wh_code name_places(wh_ctx *c, search *s)
 		if (load_window(c, s, w) != WH_OK)
 			return c->err.code;
 		for (int i = 0; i < s->ex->workers; i++)
-			if (name_bin(c, s, &s->hands[i].edges, w, name_first) != WH_OK)
+			if (name_bin(c, s, &s->workspace[i].edges, w, name_first) != WH_OK)
 				return c->err.code;
 	}
 	wh_bin_file_close(&s->edge_file);
@@ -262,15 +262,15 @@ static wh_code name_places(wh_ctx *c, search *s)
 /* ---- match -------------------------------------------------------------------------------- */
 
 /* All records of a bucket, of one set of bins, behind the n that are there. */
-static wh_code load_bucket(wh_ctx *c, hand *h, const wh_bins *bins, uint32_t b, size_t *n)
+static wh_code load_bucket(wh_ctx *c, workspace *ws, const wh_bins *bins, uint32_t b, size_t *n)
 {
 	const size_t blocks = bins->bin[b].blocks;
-	if (wh_reserve(c, &h->record, &h->cap, (*n + blocks * bins->per_block) * bins->record, 1) !=
-	    WH_OK)
+	if (wh_reserve(c, &ws->record, &ws->cap, (*n + blocks * bins->per_block) * bins->record,
+	               1) != WH_OK)
 		return c->err.code;
 	for (size_t k = 0; k < blocks; k++) {
 		size_t got;
-		if (wh_bins_read(c, bins, b, k, (char *)h->record + *n * bins->record, &got) !=
+		if (wh_bins_read(c, bins, b, k, (char *)ws->record + *n * bins->record, &got) !=
 		    WH_OK)
 			return c->err.code;
 		*n += got;
@@ -305,42 +305,42 @@ static bool same_places(const edge *x, const edge *y)
 	return low(x) == low(y) && high(x) == high(y);
 }
 
-static wh_code note_copies(wh_ctx *c, const search *s, hand *h, uint64_t place, uint64_t a,
+static wh_code note_copies(wh_ctx *c, const search *s, workspace *ws, uint64_t place, uint64_t a,
                            uint64_t b)
 {
 	const copies pair = {place, a, b};
 	if (a == b)
 		return WH_OK;
-	void *to = wh_bins_room(c, &h->copies, bucket_of(s, place, 0));
+	void *to = wh_bins_room(c, &ws->copies, bucket_of(s, place, 0));
 	if (to)
 		memcpy(to, &pair, sizeof pair);
 	return to ? WH_OK : wh_failed(c);
 }
 
 /* Two edges alone between two places. */
-static wh_code match_two(wh_ctx *c, const search *s, hand *h, const edge *x, const edge *y)
+static wh_code match_two(wh_ctx *c, const search *s, workspace *ws, const edge *x, const edge *y)
 {
 	if (x->place[0] != y->place[1] || x->place[0] == x->place[1])
 		return WH_OK;
-	if (note_copies(c, s, h, x->place[0], x->end[0], y->end[1]) != WH_OK)
+	if (note_copies(c, s, ws, x->place[0], x->end[0], y->end[1]) != WH_OK)
 		return c->err.code;
-	return note_copies(c, s, h, x->place[1], x->end[1], y->end[0]);
+	return note_copies(c, s, ws, x->place[1], x->end[1], y->end[0]);
 }
 
 static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
-	hand *h = &s->hands[worker];
+	workspace *ws = &s->workspace[worker];
 	size_t n = 0, end;
-	if (load_bucket(c, h, &s->named, (uint32_t)index, &n) != WH_OK)
+	if (load_bucket(c, ws, &s->named, (uint32_t)index, &n) != WH_OK)
 		return c->err.code;
-	edge *e = h->record;
+	edge *e = ws->record;
 	if (n)
 		qsort(e, n, sizeof *e, compare_edges);
 	for (size_t i = 0; i < n; i = end) {
 		for (end = i + 1; end < n && same_places(&e[i], &e[end]); end++)
 			;
-		if (end == i + 2 && match_two(c, s, h, &e[i], &e[i + 1]) != WH_OK)
+		if (end == i + 2 && match_two(c, s, ws, &e[i], &e[i + 1]) != WH_OK)
 			return c->err.code;
 	}
 	return WH_OK;
@@ -351,13 +351,13 @@ static wh_code match_edges(wh_ctx *c, search *s)
 	if (wh_bin_file_open(c, &s->copy_file, s->spill) != WH_OK)
 		return c->err.code;
 	for (int i = 0; i < s->ex->workers; i++)
-		if (wh_bins_open(c, &s->hands[i].copies, &s->copy_file, s->nbuckets, sizeof(copies),
-		                 BLOCK) != WH_OK)
+		if (wh_bins_open(c, &s->workspace[i].copies, &s->copy_file, s->nbuckets,
+		                 sizeof(copies), BLOCK) != WH_OK)
 			return c->err.code;
 	if (wh_exec_for(c, s->ex, s->nbuckets, match_job, s) != WH_OK)
 		return c->err.code;
 	for (int i = 0; i < s->ex->workers; i++)
-		if (wh_bins_end(c, &s->hands[i].copies) != WH_OK)
+		if (wh_bins_end(c, &s->workspace[i].copies) != WH_OK)
 			return c->err.code;
 	wh_bin_file_close(&s->named_file);
 	return WH_OK;
@@ -396,26 +396,26 @@ static wh_code note_twin(wh_ctx *c, const search *s, int worker, uint64_t id, ui
 /* The n pairs of one place. */
 static wh_code join_place(wh_ctx *c, const search *s, int worker, const copies *pair, size_t n)
 {
-	hand *h = &s->hands[worker];
-	if (wh_reserve(c, &h->id, &h->id_cap, 2 * n, sizeof *h->id) != WH_OK ||
-	    wh_reserve(c, &h->set, &h->set_cap, 2 * n, sizeof *h->set) != WH_OK)
+	workspace *ws = &s->workspace[worker];
+	if (wh_reserve(c, &ws->id, &ws->id_cap, 2 * n, sizeof *ws->id) != WH_OK ||
+	    wh_reserve(c, &ws->set, &ws->set_cap, 2 * n, sizeof *ws->set) != WH_OK)
 		return c->err.code;
 	for (size_t i = 0; i < n; i++) {
-		h->id[2 * i] = pair[i].a;
-		h->id[2 * i + 1] = pair[i].b;
+		ws->id[2 * i] = pair[i].a;
+		ws->id[2 * i + 1] = pair[i].b;
 	}
-	qsort(h->id, 2 * n, sizeof *h->id, compare_numbers);
+	qsort(ws->id, 2 * n, sizeof *ws->id, compare_numbers);
 	size_t ids = 0;
 	for (size_t i = 0; i < 2 * n; i++)
-		if (i == 0 || h->id[i] != h->id[ids - 1])
-			h->id[ids++] = h->id[i];
-	wh_sets_init(h->set, ids);
+		if (i == 0 || ws->id[i] != ws->id[ids - 1])
+			ws->id[ids++] = ws->id[i];
+	wh_sets_init(ws->set, ids);
 	for (size_t i = 0; i < n; i++)
-		(void)wh_sets_join(h->set, place_of(h->id, ids, pair[i].a),
-		                   place_of(h->id, ids, pair[i].b));
+		(void)wh_sets_join(ws->set, place_of(ws->id, ids, pair[i].a),
+		                   place_of(ws->id, ids, pair[i].b));
 	for (uint32_t i = 0; i < ids; i++) {
-		const uint32_t root = wh_sets_find(h->set, i);
-		if (root != i && note_twin(c, s, worker, h->id[i], h->id[root]) != WH_OK)
+		const uint32_t root = wh_sets_find(ws->set, i);
+		if (root != i && note_twin(c, s, worker, ws->id[i], ws->id[root]) != WH_OK)
 			return c->err.code;
 	}
 	return WH_OK;
@@ -424,12 +424,12 @@ static wh_code join_place(wh_ctx *c, const search *s, int worker, const copies *
 static wh_code join_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const search *s = arg;
-	hand *h = &s->hands[worker];
+	workspace *ws = &s->workspace[worker];
 	size_t n = 0, end;
 	for (int i = 0; i < s->ex->workers; i++)
-		if (load_bucket(c, h, &s->hands[i].copies, (uint32_t)index, &n) != WH_OK)
+		if (load_bucket(c, ws, &s->workspace[i].copies, (uint32_t)index, &n) != WH_OK)
 			return c->err.code;
-	copies *pair = h->record;
+	copies *pair = ws->record;
 	if (n)
 		qsort(pair, n, sizeof *pair, compare_copies);
 	for (size_t i = 0; i < n; i = end) {
@@ -472,17 +472,17 @@ static wh_code open_twins(wh_ctx *c, search *s)
 	return WH_OK;
 }
 
-static wh_code open_hands(wh_ctx *c, search *s)
+static wh_code open_workspaces(wh_ctx *c, search *s)
 {
-	s->hands = wh_calloc(c, (size_t)s->ex->workers, sizeof *s->hands);
-	if (!s->hands || wh_bin_file_open(c, &s->edge_file, s->spill) != WH_OK)
+	s->workspace = wh_calloc(c, (size_t)s->ex->workers, sizeof *s->workspace);
+	if (!s->workspace || wh_bin_file_open(c, &s->edge_file, s->spill) != WH_OK)
 		return wh_failed(c);
 	for (int i = 0; i < s->ex->workers; i++) {
-		hand *h = &s->hands[i];
-		h->raw = wh_alloc(c, wh_source_triangle_bytes(s->source, CHUNK), 1);
-		h->ids = wh_alloc(c, CHUNK, 3 * sizeof *h->ids);
-		if (!h->raw || !h->ids ||
-		    wh_bins_open(c, &h->edges, &s->edge_file, s->windows, sizeof(edge), BLOCK) !=
+		workspace *ws = &s->workspace[i];
+		ws->raw = wh_alloc(c, wh_source_triangle_bytes(s->source, CHUNK), 1);
+		ws->ids = wh_alloc(c, CHUNK, 3 * sizeof *ws->ids);
+		if (!ws->raw || !ws->ids ||
+		    wh_bins_open(c, &ws->edges, &s->edge_file, s->windows, sizeof(edge), BLOCK) !=
 		        WH_OK)
 			return wh_failed(c);
 	}
@@ -491,17 +491,17 @@ static wh_code open_hands(wh_ctx *c, search *s)
 
 static void close_search(wh_ctx *c, search *s)
 {
-	for (int i = 0; s->hands && i < s->ex->workers; i++) {
-		hand *h = &s->hands[i];
-		wh_bins_close(c, &h->edges);
-		wh_bins_close(c, &h->copies);
-		wh_free(c, h->raw);
-		wh_free(c, h->ids);
-		wh_free(c, h->record);
-		wh_free(c, h->id);
-		wh_free(c, h->set);
+	for (int i = 0; s->workspace && i < s->ex->workers; i++) {
+		workspace *ws = &s->workspace[i];
+		wh_bins_close(c, &ws->edges);
+		wh_bins_close(c, &ws->copies);
+		wh_free(c, ws->raw);
+		wh_free(c, ws->ids);
+		wh_free(c, ws->record);
+		wh_free(c, ws->id);
+		wh_free(c, ws->set);
 	}
-	wh_free(c, s->hands);
+	wh_free(c, s->workspace);
 	wh_free(c, s->map);
 	wh_bins_close(c, &s->half);
 	wh_bins_close(c, &s->named);
@@ -515,7 +515,7 @@ static void close_search(wh_ctx *c, search *s)
 
 static wh_code find_copies(wh_ctx *c, search *s)
 {
-	if (open_hands(c, s) != WH_OK)
+	if (open_workspaces(c, s) != WH_OK)
 		return c->err.code;
 	const wh_code code = find_edges(c, s);
 	if (code != WH_OK)

@@ -37,7 +37,7 @@ enum {
 /* ---- the work ----------------------------------------------------------------------------- */
 
 /* What one worker needs. */
-typedef struct hand {
+typedef struct workspace {
 	unsigned char *raw; /* BATCH facets */
 	double *xyz;        /* their corners */
 	size_t n;           /* corners */
@@ -50,12 +50,12 @@ typedef struct hand {
 	size_t slots, slot_cap;
 	uint64_t *rep; /* of the corners of a range */
 	double *firsts;
-} hand;
+} workspace;
 
 typedef struct weld {
 	const wh_soup *soup;
 	wh_rewrite *rw;
-	hand *hands;
+	workspace *workspace;
 	uint64_t corners;
 	size_t key, id; /* bytes of a position, of a corner's number */
 	uint32_t nbuckets, nranges;
@@ -94,17 +94,17 @@ static wh_code check_corner(wh_ctx *c, const weld *w, uint64_t corner, const dou
 }
 
 /* Corners of n facets from number `first` on, into h->xyz. */
-static wh_code read_facets(wh_ctx *c, const weld *w, hand *h, uint64_t first, size_t n)
+static wh_code read_facets(wh_ctx *c, const weld *w, workspace *ws, uint64_t first, size_t n)
 {
 	const wh_soup *s = w->soup;
 	const size_t size = wh_type_size(s->type);
-	if (wh_ply_pread(c, s->path, s->fd, h->raw, (n - 1) * (size_t)s->stride + 9 * size,
+	if (wh_ply_pread(c, s->path, s->fd, ws->raw, (n - 1) * (size_t)s->stride + 9 * size,
 	                 s->base + first * s->stride) != WH_OK)
 		return c->err.code;
-	h->n = 3 * n;
+	ws->n = 3 * n;
 	for (size_t i = 0; i < n; i++) {
-		const unsigned char *from = h->raw + i * s->stride;
-		double *to = h->xyz + 9 * i;
+		const unsigned char *from = ws->raw + i * s->stride;
+		double *to = ws->xyz + 9 * i;
 		for (size_t k = 0; k < 9; k++)
 			to[k] = size == 4 ? (double)wh_loadf(from + 4 * k, s->swap)
 			                  : wh_loadd(from + 8 * k, s->swap);
@@ -123,16 +123,16 @@ static size_t batch_facets(const weld *w, uint64_t first)
 static wh_code scatter_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const weld *w = arg;
-	hand *h = &w->hands[worker];
+	workspace *ws = &w->workspace[worker];
 	const uint64_t first = (uint64_t)index * BATCH;
-	if (read_facets(c, w, h, first, batch_facets(w, first)) != WH_OK)
+	if (read_facets(c, w, ws, first, batch_facets(w, first)) != WH_OK)
 		return c->err.code;
-	for (size_t i = 0; i < h->n; i++) {
-		const double *p = h->xyz + 3 * i;
+	for (size_t i = 0; i < ws->n; i++) {
+		const double *p = ws->xyz + 3 * i;
 		if (check_corner(c, w, 3 * first + i, p) != WH_OK)
 			return c->err.code;
 		const uint64_t high = wh_coincident_hash(wh_v3(p[0], p[1], p[2])) >> 32;
-		h->bucket[i] = (uint32_t)(high * w->nbuckets >> 32);
+		ws->bucket[i] = (uint32_t)(high * w->nbuckets >> 32);
 	}
 	return WH_OK;
 }
@@ -153,13 +153,13 @@ static void put_key(unsigned char *to, const double *p, size_t key)
 static wh_code scatter_commit(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	weld *w = arg;
-	const hand *h = &w->hands[worker];
+	const workspace *ws = &w->workspace[worker];
 	const uint64_t first = (uint64_t)index * BATCH * 3;
-	for (size_t i = 0; i < h->n; i++) {
-		unsigned char *to = wh_bins_room(c, &w->buckets, h->bucket[i]);
+	for (size_t i = 0; i < ws->n; i++) {
+		unsigned char *to = wh_bins_room(c, &w->buckets, ws->bucket[i]);
 		if (!to)
 			return c->err.code;
-		put_key(to, h->xyz + 3 * i, w->key);
+		put_key(to, ws->xyz + 3 * i, w->key);
 		put_id(to + w->key, first + i, w->id);
 	}
 	return WH_OK;
@@ -177,65 +177,67 @@ static uint64_t hash_key(const unsigned char *key, size_t size)
 }
 
 /* The slot of a position: its own, or the empty one where it belongs. */
-static uint32_t *find_slot(const weld *w, const hand *h, const unsigned char *key)
+static uint32_t *find_slot(const weld *w, const workspace *ws, const unsigned char *key)
 {
 	const size_t each = w->key + w->id;
-	for (size_t at = hash_key(key, w->key) & (h->slots - 1);; at = (at + 1) & (h->slots - 1)) {
-		uint32_t *s = &h->slot[at];
-		if (*s == 0 || memcmp(h->entry + (size_t)(*s - 1) * each, key, w->key) == 0)
+	for (size_t at = hash_key(key, w->key) & (ws->slots - 1);;
+	     at = (at + 1) & (ws->slots - 1)) {
+		uint32_t *s = &ws->slot[at];
+		if (*s == 0 || memcmp(ws->entry + (size_t)(*s - 1) * each, key, w->key) == 0)
 			return s;
 	}
 }
 
 /* Keeps the table half empty. */
-static wh_code grow_table(wh_ctx *c, const weld *w, hand *h)
+static wh_code grow_table(wh_ctx *c, const weld *w, workspace *ws)
 {
 	const size_t each = w->key + w->id;
-	if (2 * (h->entries + 1) <= h->slots)
+	if (2 * (ws->entries + 1) <= ws->slots)
 		return WH_OK;
-	const size_t slots = h->slots ? 2 * h->slots : 1024;
+	const size_t slots = ws->slots ? 2 * ws->slots : 1024;
 	if (slots > UINT32_MAX ||
-	    wh_renew(c, &h->slot, &h->slot_cap, slots, sizeof *h->slot) != WH_OK) {
-		h->slots = 0;
+	    wh_renew(c, &ws->slot, &ws->slot_cap, slots, sizeof *ws->slot) != WH_OK) {
+		ws->slots = 0;
 		return wh_fail(c, WH_E_PLAN, "'%s' has too many vertices to be welded",
 		               w->soup->path);
 	}
-	h->slots = slots;
-	memset(h->slot, 0, slots * sizeof *h->slot);
-	for (size_t i = 0; i < h->entries; i++)
-		*find_slot(w, h, h->entry + i * each) = (uint32_t)i + 1;
+	ws->slots = slots;
+	memset(ws->slot, 0, slots * sizeof *ws->slot);
+	for (size_t i = 0; i < ws->entries; i++)
+		*find_slot(w, ws, ws->entry + i * each) = (uint32_t)i + 1;
 	return WH_OK;
 }
 
 /* The representative of a record's corner. */
-static wh_code match(wh_ctx *c, const weld *w, hand *h, const unsigned char *record, uint64_t *rep)
+static wh_code match(wh_ctx *c, const weld *w, workspace *ws, const unsigned char *record,
+                     uint64_t *rep)
 {
 	const size_t each = w->key + w->id;
-	if (grow_table(c, w, h) != WH_OK)
+	if (grow_table(c, w, ws) != WH_OK)
 		return c->err.code;
-	uint32_t *s = find_slot(w, h, record);
+	uint32_t *s = find_slot(w, ws, record);
 	if (*s == 0) {
-		if (wh_reserve(c, &h->entry, &h->entry_cap, (h->entries + 1) * each, 1) != WH_OK)
+		if (wh_reserve(c, &ws->entry, &ws->entry_cap, (ws->entries + 1) * each, 1) != WH_OK)
 			return c->err.code;
-		memcpy(h->entry + h->entries * each, record, each);
-		*s = (uint32_t)++h->entries;
+		memcpy(ws->entry + ws->entries * each, record, each);
+		*s = (uint32_t)++ws->entries;
 	}
-	*rep = get_id(h->entry + (size_t)(*s - 1) * each + w->key, w->id);
+	*rep = get_id(ws->entry + (size_t)(*s - 1) * each + w->key, w->id);
 	return WH_OK;
 }
 
 /* One record: a bit for a representative, an entry in its range for any other corner. */
-static wh_code match_record(wh_ctx *c, weld *w, hand *h, const unsigned char *record)
+static wh_code match_record(wh_ctx *c, weld *w, workspace *ws, const unsigned char *record)
 {
 	const uint64_t id = get_id(record + w->key, w->id);
 	uint64_t rep = 0;
-	if (match(c, w, h, record, &rep) != WH_OK)
+	if (match(c, w, ws, record, &rep) != WH_OK)
 		return c->err.code;
 	if (rep == id) {
 		wh_rank_set(&w->firsts, id);
 		return WH_OK;
 	}
-	unsigned char *to = wh_bins_room(c, &h->ranges, (uint32_t)(id / w->range));
+	unsigned char *to = wh_bins_room(c, &ws->ranges, (uint32_t)(id / w->range));
 	if (!to)
 		return c->err.code;
 	put_id(to, id, w->id);
@@ -246,17 +248,17 @@ static wh_code match_record(wh_ctx *c, weld *w, hand *h, const unsigned char *re
 static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	weld *w = arg;
-	hand *h = &w->hands[worker];
+	workspace *ws = &w->workspace[worker];
 	const uint32_t b = (uint32_t)index;
-	h->entries = 0;
-	if (h->slots)
-		memset(h->slot, 0, h->slots * sizeof *h->slot);
+	ws->entries = 0;
+	if (ws->slots)
+		memset(ws->slot, 0, ws->slots * sizeof *ws->slot);
 	for (size_t k = 0; k < w->buckets.bin[b].blocks; k++) {
 		size_t n;
-		if (wh_bins_read(c, &w->buckets, b, k, h->block, &n) != WH_OK)
+		if (wh_bins_read(c, &w->buckets, b, k, ws->block, &n) != WH_OK)
 			return c->err.code;
 		for (size_t i = 0; i < n; i++)
-			if (match_record(c, w, h, h->block + i * w->buckets.record) != WH_OK)
+			if (match_record(c, w, ws, ws->block + i * w->buckets.record) != WH_OK)
 				return c->err.code;
 	}
 	return WH_OK;
@@ -265,19 +267,20 @@ static wh_code match_job(wh_ctx *c, void *arg, int64_t index, int worker)
 /* ---- write -------------------------------------------------------------------------------- */
 
 /* Representatives of the range's corners; by default they are their own. */
-static wh_code load_range(wh_ctx *c, const weld *w, hand *h, uint32_t k, uint64_t first, size_t n)
+static wh_code load_range(wh_ctx *c, const weld *w, workspace *ws, uint32_t k, uint64_t first,
+                          size_t n)
 {
 	for (size_t i = 0; i < n; i++)
-		h->rep[i] = first + i;
+		ws->rep[i] = first + i;
 	for (int i = 0; i < w->rw->ex->workers; i++) {
-		const wh_bins *b = &w->hands[i].ranges;
+		const wh_bins *b = &w->workspace[i].ranges;
 		for (size_t j = 0; j < b->bin[k].blocks; j++) {
 			size_t got;
-			if (wh_bins_read(c, b, k, j, h->block, &got) != WH_OK)
+			if (wh_bins_read(c, b, k, j, ws->block, &got) != WH_OK)
 				return c->err.code;
 			for (size_t m = 0; m < got; m++) {
-				const unsigned char *from = h->block + m * b->record;
-				h->rep[get_id(from, w->id) - first] = get_id(from + w->id, w->id);
+				const unsigned char *from = ws->block + m * b->record;
+				ws->rep[get_id(from, w->id) - first] = get_id(from + w->id, w->id);
 			}
 		}
 	}
@@ -285,16 +288,16 @@ static wh_code load_range(wh_ctx *c, const weld *w, hand *h, uint32_t k, uint64_
 }
 
 /* Positions of the representatives among the corners of a batch. */
-static wh_code write_positions(wh_ctx *c, const weld *w, hand *h, const uint64_t *rep,
+static wh_code write_positions(wh_ctx *c, const weld *w, workspace *ws, const uint64_t *rep,
                                uint64_t first)
 {
 	size_t n = 0;
-	for (size_t i = 0; i < h->n; i++) {
+	for (size_t i = 0; i < ws->n; i++) {
 		if (rep[i] != first + i)
 			continue;
-		memcpy(h->firsts + 3 * n++, h->xyz + 3 * i, 3 * sizeof *h->xyz);
+		memcpy(ws->firsts + 3 * n++, ws->xyz + 3 * i, 3 * sizeof *ws->xyz);
 	}
-	return n ? wh_rewrite_put_vertices(c, w->rw, wh_rank_of(&w->firsts, first), h->firsts, n)
+	return n ? wh_rewrite_put_vertices(c, w->rw, wh_rank_of(&w->firsts, first), ws->firsts, n)
 	         : WH_OK;
 }
 
@@ -313,18 +316,18 @@ static wh_code add_triangles(wh_ctx *c, const weld *w, wh_facer *f, const uint64
 static wh_code write_job(wh_ctx *c, void *arg, int64_t index, int worker)
 {
 	const weld *w = arg;
-	hand *h = &w->hands[worker];
+	workspace *ws = &w->workspace[worker];
 	const uint64_t first = (uint64_t)index * w->range, left = w->corners - first;
 	const size_t n = left < w->range ? (size_t)left : (size_t)w->range;
-	if (load_range(c, w, h, (uint32_t)index, first, n) != WH_OK)
+	if (load_range(c, w, ws, (uint32_t)index, first, n) != WH_OK)
 		return c->err.code;
 	for (size_t at = 0; at < n; at += 3 * (size_t)BATCH) {
 		const size_t facets = (n - at) / 3 < BATCH ? (n - at) / 3 : BATCH;
-		if (read_facets(c, w, h, (first + at) / 3, facets) != WH_OK ||
-		    write_positions(c, w, h, h->rep + at, first + at) != WH_OK)
+		if (read_facets(c, w, ws, (first + at) / 3, facets) != WH_OK ||
+		    write_positions(c, w, ws, ws->rep + at, first + at) != WH_OK)
 			return c->err.code;
 	}
-	return add_triangles(c, w, &w->rw->facers[worker], h->rep, n);
+	return add_triangles(c, w, &w->rw->facers[worker], ws->rep, n);
 }
 
 static wh_code write_commit(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -353,17 +356,17 @@ static void plan(weld *w)
 	w->nranges = share_out(w->corners, w->range, MOST_RANGES);
 }
 
-static wh_code open_hand(wh_ctx *c, const weld *w, hand *h, wh_bin_file *ranges)
+static wh_code open_workspace(wh_ctx *c, const weld *w, workspace *ws, wh_bin_file *ranges)
 {
 	const size_t record = w->key + w->id, block = BLOCK * record, pair = (size_t)2 * w->id;
-	h->raw = wh_alloc(c, BATCH, w->soup->stride);
-	h->xyz = wh_alloc(c, BATCH, 9 * sizeof *h->xyz);
-	h->bucket = wh_alloc(c, BATCH, 3 * sizeof *h->bucket);
-	h->block = wh_alloc(c, block > RANGE_BLOCK * pair ? block : RANGE_BLOCK * pair, 1);
-	h->firsts = wh_alloc(c, BATCH, 9 * sizeof *h->firsts);
-	if (!h->raw || !h->xyz || !h->bucket || !h->block || !h->firsts)
+	ws->raw = wh_alloc(c, BATCH, w->soup->stride);
+	ws->xyz = wh_alloc(c, BATCH, 9 * sizeof *ws->xyz);
+	ws->bucket = wh_alloc(c, BATCH, 3 * sizeof *ws->bucket);
+	ws->block = wh_alloc(c, block > RANGE_BLOCK * pair ? block : RANGE_BLOCK * pair, 1);
+	ws->firsts = wh_alloc(c, BATCH, 9 * sizeof *ws->firsts);
+	if (!ws->raw || !ws->xyz || !ws->bucket || !ws->block || !ws->firsts)
 		return wh_failed(c);
-	return wh_bins_open(c, &h->ranges, ranges, w->nranges, 2 * w->id, RANGE_BLOCK);
+	return wh_bins_open(c, &ws->ranges, ranges, w->nranges, 2 * w->id, RANGE_BLOCK);
 }
 
 static wh_code open_weld(wh_ctx *c, weld *w)
@@ -372,30 +375,30 @@ static wh_code open_weld(wh_ctx *c, weld *w)
 	if (wh_bin_file_open(c, &w->bucket_file, spill) != WH_OK ||
 	    wh_bin_file_open(c, &w->range_file, spill) != WH_OK)
 		return c->err.code;
-	w->hands = wh_calloc(c, (size_t)w->rw->ex->workers, sizeof *w->hands);
-	if (!w->hands || wh_rank_open(c, &w->firsts, w->corners) != WH_OK)
+	w->workspace = wh_calloc(c, (size_t)w->rw->ex->workers, sizeof *w->workspace);
+	if (!w->workspace || wh_rank_open(c, &w->firsts, w->corners) != WH_OK)
 		return wh_failed(c);
 	for (int i = 0; i < w->rw->ex->workers; i++)
-		if (open_hand(c, w, &w->hands[i], &w->range_file) != WH_OK)
+		if (open_workspace(c, w, &w->workspace[i], &w->range_file) != WH_OK)
 			return c->err.code;
 	return wh_bins_open(c, &w->buckets, &w->bucket_file, w->nbuckets, w->key + w->id, BLOCK);
 }
 
 static void close_weld(wh_ctx *c, weld *w)
 {
-	for (int i = 0; w->hands && i < w->rw->ex->workers; i++) {
-		hand *h = &w->hands[i];
-		wh_bins_close(c, &h->ranges);
-		wh_free(c, h->raw);
-		wh_free(c, h->xyz);
-		wh_free(c, h->bucket);
-		wh_free(c, h->block);
-		wh_free(c, h->firsts);
-		wh_free(c, h->entry);
-		wh_free(c, h->slot);
-		wh_free(c, h->rep);
+	for (int i = 0; w->workspace && i < w->rw->ex->workers; i++) {
+		workspace *ws = &w->workspace[i];
+		wh_bins_close(c, &ws->ranges);
+		wh_free(c, ws->raw);
+		wh_free(c, ws->xyz);
+		wh_free(c, ws->bucket);
+		wh_free(c, ws->block);
+		wh_free(c, ws->firsts);
+		wh_free(c, ws->entry);
+		wh_free(c, ws->slot);
+		wh_free(c, ws->rep);
 	}
-	wh_free(c, w->hands);
+	wh_free(c, w->workspace);
 	wh_rank_close(c, &w->firsts);
 	wh_bins_close(c, &w->buckets);
 	wh_bin_file_close(&w->bucket_file);
@@ -408,13 +411,13 @@ static wh_code turn_over(wh_ctx *c, weld *w)
 	wh_bins_close(c, &w->buckets);
 	wh_bin_file_close(&w->bucket_file);
 	for (int i = 0; i < w->rw->ex->workers; i++) {
-		hand *h = &w->hands[i];
-		wh_free(c, h->entry);
-		wh_free(c, h->slot);
-		h->entry = NULL;
-		h->slot = NULL;
-		h->rep = wh_alloc(c, (size_t)w->range, sizeof *h->rep);
-		if (!h->rep || wh_bins_end(c, &h->ranges) != WH_OK)
+		workspace *ws = &w->workspace[i];
+		wh_free(c, ws->entry);
+		wh_free(c, ws->slot);
+		ws->entry = NULL;
+		ws->slot = NULL;
+		ws->rep = wh_alloc(c, (size_t)w->range, sizeof *ws->rep);
+		if (!ws->rep || wh_bins_end(c, &ws->ranges) != WH_OK)
 			return wh_failed(c);
 	}
 	return WH_OK;

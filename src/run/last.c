@@ -39,7 +39,7 @@ static wh_code separate(wh_run *r)
 }
 
 /* The last collapses; of a progressive mesh they are kept. */
-static wh_code simplify(wh_run *r, wh_simplify_work *w, const wh_simplify_params *p,
+static wh_code simplify(wh_run *r, wh_simplify_workspace *w, const wh_simplify_params *p,
                         wh_simplify_result *done)
 {
 	if (!r->params->progressive)
@@ -70,11 +70,11 @@ wh_code wh_run_final_pass(wh_run *r)
 	p.insist = true;
 	wh_progress_phase(&r->progress, "final pass", r->patch.nf);
 	wh_simplify_result done = {0};
-	wh_simplify_work *w = wh_simplify_work_new(r->c);
+	wh_simplify_workspace *w = wh_simplify_workspace_new(r->c);
 	wh_code code = w ? WH_OK : r->c->err.code;
 	if (code == WH_OK)
 		code = simplify(r, w, &p, &done);
-	wh_simplify_work_free(r->c, w);
+	wh_simplify_workspace_free(r->c, w);
 	if (code == WH_OK) {
 		wh_simplify_result_add(&r->work, &done);
 		t->nonmanifold_kept = done.fixed;
@@ -103,9 +103,9 @@ wh_code wh_run_order(wh_run *r)
 {
 	wh_run_phase_begin(r);
 	wh_progress_phase(&r->progress, "order", r->patch.nv);
-	wh_order_work work = {0};
+	wh_order_workspace work = {0};
 	const wh_code code = wh_patch_order(r->c, &r->patch, &work);
-	wh_order_work_free(r->c, &work);
+	wh_order_workspace_free(r->c, &work);
 	return wh_run_phase_end(r, WH_PHASE_WRITE, code);
 }
 

@@ -312,8 +312,8 @@ wh_code wh_run_reopen_input(wh_run *r)
 
 typedef struct inspection {
 	wh_store store;
-	wh_store_scratch *scratch; /* one for each worker */
-	_Atomic uint32_t bad;      /* a cluster that is damaged, or UINT32_MAX */
+	wh_store_workspace *workspace; /* one for each worker */
+	_Atomic uint32_t bad;          /* a cluster that is damaged, or UINT32_MAX */
 } inspection;
 
 static wh_code inspect_job(wh_ctx *c, void *arg, int64_t index, int worker)
@@ -322,7 +322,7 @@ static wh_code inspect_job(wh_ctx *c, void *arg, int64_t index, int worker)
 	uint64_t checksum;
 	wh_ctx own = wh_ctx_fork(c);
 	const wh_code code =
-	    wh_store_verify(&own, &n->store, (uint32_t)index, &n->scratch[worker], &checksum);
+	    wh_store_verify(&own, &n->store, (uint32_t)index, &n->workspace[worker], &checksum);
 	if (code == WH_E_RUN)
 		atomic_store(&n->bad, (uint32_t)index);
 	else if (code != WH_OK)
@@ -341,14 +341,14 @@ static wh_code inspect(wh_run *r, const wh_store *store, uint32_t *bad)
 	if (wh_round_extent(&own, &n.store, &max_v, &max_f, &faces, &vertices) != WH_OK)
 		return own.err.code == WH_E_RUN ? WH_OK
 		                                : wh_fail(r->c, own.err.code, "%s", own.err.text);
-	const wh_exec ex = wh_run_workers(r, wh_store_scratch_bytes(&n.store, max_v, max_f));
-	n.scratch = wh_calloc(r->c, (size_t)ex.workers, sizeof *n.scratch);
+	const wh_exec ex = wh_run_workers(r, wh_store_workspace_bytes(&n.store, max_v, max_f));
+	n.workspace = wh_calloc(r->c, (size_t)ex.workers, sizeof *n.workspace);
 	wh_code code = r->c->err.code;
 	if (code == WH_OK)
 		code = wh_exec_for(r->c, &ex, store->clusters, inspect_job, &n);
-	for (int i = 0; n.scratch && i < ex.workers; i++)
-		wh_store_scratch_free(r->c, &n.scratch[i]);
-	wh_free(r->c, n.scratch);
+	for (int i = 0; n.workspace && i < ex.workers; i++)
+		wh_store_workspace_free(r->c, &n.workspace[i]);
+	wh_free(r->c, n.workspace);
 	*bad = atomic_load(&n.bad);
 	return code;
 }
