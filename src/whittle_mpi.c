@@ -31,7 +31,8 @@ typedef struct job {
 	wh_reduce_params params; /* of this rank */
 	wh_reduce_report *report;
 	wh_phase_report phase[WH_PHASES]; /* of the parts that this rank has done */
-	size_t memory_peak;               /* of its stages */
+	uint64_t bytes_read, bytes_written;
+	size_t memory_peak; /* of its stages */
 } job;
 
 int wh_mpi_processes(void)
@@ -84,8 +85,11 @@ static wh_code do_stage(job *j, wh_stage stage, uint32_t round)
 	const wh_code code = wh_reduce(j->c, &p, j->report);
 	if (j->report->memory_peak > j->memory_peak)
 		j->memory_peak = j->report->memory_peak;
-	if (wh_run_stage_has_parts(stage))
+	if (wh_run_stage_has_parts(stage)) {
 		add_phases(j->phase, j->report->phase);
+		j->bytes_read += j->report->bytes_read;
+		j->bytes_written += j->report->bytes_written;
+	}
 	return code;
 }
 
@@ -180,6 +184,8 @@ wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_repor
 		code = all_stages(&j);
 	}
 	add_phases(report->phase, j.phase);
+	report->bytes_read += j.bytes_read;
+	report->bytes_written += j.bytes_written;
 	if (j.memory_peak > report->memory_peak)
 		report->memory_peak = j.memory_peak;
 	report->seconds_total = wh_seconds() - start;

@@ -17,7 +17,7 @@ threads='exec|bvh|test_compare|ingest|inspect|reduce|round|ply_body|ply_source|s
 plain='cli_(reduce|check|generate|report)$'
 # Sanitizers: all but what has no code of ours in it, asks for memory as it is without them, or is
 # long and has its parts in other tests.
-debug='test_|cli_(attributes|check|compare|formats|hygiene|offset|reduce|render|resume|stages|topology)'
+debug='test_|cli_(attributes|check|compare|formats|hygiene|mpi|offset|reduce|render|resume|stages|topology)'
 # Another compiler: what computes. The command around it is the same C in both.
 clang='test_|cli_(reduce|check|generate|topology|offset|modulemap|install)'
 

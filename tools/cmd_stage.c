@@ -29,9 +29,19 @@ static const char help[] =
     "                 $SLURM_TMPDIR, $TMPDIR, the run directory) is for what ingest has\n"
     "                 in hand and may be on the node\n"
     "  -q, --quiet, --no-progress\n"
-    "  -v, --verbose  seconds of each phase, to DIR/log-STAGE-part-I\n";
+    "  -v, --verbose  seconds of each phase, to DIR/log-STAGE-part-I\n"
+    "      --report FILE   what the stage took, as JSON; of finish: what the run did\n";
 
-enum { OPT_RUN_DIR = 256, OPT_PART, OPT_ROUND, OPT_MEMORY, OPT_THREADS, OPT_TEMP, OPT_NO_PROGRESS };
+enum {
+	OPT_RUN_DIR = 256,
+	OPT_PART,
+	OPT_ROUND,
+	OPT_MEMORY,
+	OPT_THREADS,
+	OPT_TEMP,
+	OPT_REPORT,
+	OPT_NO_PROGRESS
+};
 
 static const struct option long_options[] = {
     {"run-dir", required_argument, NULL, OPT_RUN_DIR},
@@ -40,6 +50,7 @@ static const struct option long_options[] = {
     {"memory", required_argument, NULL, OPT_MEMORY},
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
+    {"report", required_argument, NULL, OPT_REPORT},
     {"quiet", no_argument, NULL, 'q'},
     {"verbose", no_argument, NULL, 'v'},
     {"no-progress", no_argument, NULL, OPT_NO_PROGRESS},
@@ -60,7 +71,7 @@ static const struct {
 
 typedef struct stage_options {
 	size_t stage; /* its place among the stages */
-	const char *run_dir, *temp_dir;
+	const char *run_dir, *temp_dir, *report;
 	uint32_t part, parts, round; /* part from 1; 0: not given */
 	size_t memory;
 	int threads; /* -1: not given */
@@ -103,6 +114,9 @@ static bool take_option(stage_options *o, int opt, const char *arg)
 		return *arg != '\0';
 	case OPT_PART:
 		return parse_part(arg, o);
+	case OPT_REPORT:
+		o->report = arg;
+		return *arg != '\0';
 	case OPT_ROUND:
 		return parse_number(arg, 1, 1000, &o->round);
 	case OPT_THREADS:
@@ -133,6 +147,8 @@ static const char *expected(int opt)
 		return "a number of threads from 0 to 1024";
 	case OPT_MEMORY:
 		return "a size of 1M or more, such as 512M or 4G";
+	case OPT_REPORT:
+		return "the name of a file";
 	default:
 		return "the name of a folder";
 	}
@@ -184,23 +200,50 @@ static wh_code resolve(wh_ctx *c, const char *name, char path[PATH_MAX])
 	return WH_OK;
 }
 
-/* What the stage was given goes before what the plan was. */
-static void merge(const stage_options *o, const char *run_dir, const char *temp_dir,
-                  reduce_options *r)
+/* The name of a file from anywhere: the stage enters the folder of the plan. */
+static wh_code make_absolute(wh_ctx *c, const char *name, char path[PATH_MAX])
+{
+	char here[PATH_MAX] = "";
+	const bool is_whole = *name == '/' || cmd_is_dash(name);
+	if (!is_whole && !getcwd(here, sizeof here))
+		return wh_fail_errno(c, "cannot name the working directory");
+	if ((size_t)snprintf(path, PATH_MAX, "%s%s%s", here, is_whole ? "" : "/", name) >= PATH_MAX)
+		return wh_fail(c, WH_E_USAGE, "the name of the report is too long");
+	return WH_OK;
+}
+
+/* Where its folders and files are, from anywhere. */
+typedef struct places {
+	char run_dir[PATH_MAX], temp_dir[PATH_MAX], report[PATH_MAX];
+} places;
+
+static wh_code find_places(wh_ctx *c, const stage_options *o, places *at)
+{
+	if (resolve(c, o->run_dir, at->run_dir) != WH_OK ||
+	    (o->temp_dir && resolve(c, o->temp_dir, at->temp_dir) != WH_OK) ||
+	    (o->report && make_absolute(c, o->report, at->report) != WH_OK))
+		return c->err.code;
+	return WH_OK;
+}
+
+/* What the stage was given goes before what the plan was, whose report is that of the whole run. */
+static void merge(const stage_options *o, const places *at, reduce_options *r)
 {
 	wh_reduce_params *p = &r->params;
 	p->stage = stages[o->stage].stage;
-	p->run_dir = run_dir;
+	p->run_dir = at->run_dir;
 	p->resume = true;
 	p->part = o->part ? o->part - 1 : 0;
 	p->parts = o->parts;
 	p->round = o->round;
 	if (o->temp_dir)
-		p->temp_dir = temp_dir;
+		p->temp_dir = at->temp_dir;
 	if (o->memory)
 		p->memory = o->memory;
 	if (o->threads >= 0)
 		p->threads = o->threads;
+	if (o->report || p->stage != WH_STAGE_FINISH)
+		r->report = o->report ? at->report : NULL;
 	r->quiet = o->quiet;
 	r->verbose = o->verbose;
 	r->no_progress = o->no_progress;
@@ -208,13 +251,12 @@ static void merge(const stage_options *o, const char *run_dir, const char *temp_
 
 static int run_stage(cmd_env *env, const stage_options *o, int argc, char **argv)
 {
-	char run_dir[PATH_MAX], temp_dir[PATH_MAX];
+	places at;
 	stage_file plan;
 	reduce_options r = {.params = wh_reduce_defaults()};
-	if (resolve(&env->ctx, o->run_dir, run_dir) != WH_OK ||
-	    (o->temp_dir && resolve(&env->ctx, o->temp_dir, temp_dir) != WH_OK))
+	if (find_places(&env->ctx, o, &at) != WH_OK)
 		return cmd_report_failure(env);
-	if (stage_file_read(&env->ctx, run_dir, &plan) == WH_OK && chdir(plan.folder) != 0)
+	if (stage_file_read(&env->ctx, at.run_dir, &plan) == WH_OK && chdir(plan.folder) != 0)
 		(void)wh_fail_errno(&env->ctx, "cannot enter '%s', where the run was planned",
 		                    plan.folder);
 	int status = env->ctx.err.code == WH_OK ? WH_OK : cmd_report_failure(env);
@@ -222,7 +264,7 @@ static int run_stage(cmd_env *env, const stage_options *o, int argc, char **argv
 	if (status == WH_OK)
 		status = reduce_options_parse(plan.argc, plan.argv, true, &r);
 	if (status == WH_OK) {
-		merge(o, run_dir, temp_dir, &r);
+		merge(o, &at, &r);
 		status = reduce_run("stage", &r, argc, argv);
 	}
 	stage_file_free(&env->ctx, &plan);

@@ -237,7 +237,6 @@ static void put_costs(json_t *root, const wh_reduce_report *r)
 	json_t *phases = put_object(root, "phases");
 	for (int i = 0; i < WH_PHASES; i++)
 		put_phase(phases, wh_phase_name((wh_phase)i), &r->phase[i]);
-	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 }
 
 static wh_code write_text(wh_ctx *c, const char *path, bool force, const json_t *root)
@@ -270,6 +269,27 @@ int reduce_report_try(const cmd_env *e, const char *path, bool force)
 	return -1;
 }
 
+/* The report goes to `path`, and from memory. 0, or -1 after printing why not: `what` is there. */
+static int write_report(const cmd_env *e, const char *path, bool force, json_t *root,
+                        const char *what)
+{
+	wh_ctx c = wh_ctx_fork(&e->ctx);
+	const wh_code code = write_text(&c, path, force, root);
+	json_decref(root);
+	if (code != WH_OK)
+		(void)fprintf(stderr, "whittle %s: %s, but not the report: %s\n", e->name, what,
+		              c.err.text);
+	return code == WH_OK ? 0 : -1;
+}
+
+int reduce_report_write_stage(const cmd_env *e, const char *path, const wh_reduce_report *r)
+{
+	json_t *root = json_object();
+	put_text(root, "version", WHITTLE_VERSION);
+	put_costs(root, r);
+	return write_report(e, path, true, root, "the stage was done");
+}
+
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
                         const wh_reduce_report *r, const wh_compare *measured)
 {
@@ -282,13 +302,8 @@ int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_para
 	put_outcome(root, r);
 	put_levels(root, p, r, measured);
 	put_costs(root, r);
+	put_real(root, "faces_per_second", reduce_faces_per_second(r));
 	if (measured)
 		put_measured(root, &measured[p->levels]);
-	wh_ctx c = wh_ctx_fork(&e->ctx);
-	const wh_code code = write_text(&c, path, p->force, root);
-	json_decref(root);
-	if (code != WH_OK)
-		(void)fprintf(stderr, "whittle %s: the mesh was written, but not the report: %s\n",
-		              e->name, c.err.text);
-	return code == WH_OK ? 0 : -1;
+	return write_report(e, path, p->force, root, "the mesh was written");
 }

@@ -20,4 +20,8 @@ int reduce_report_try(const cmd_env *e, const char *path, bool force);
 int reduce_report_write(const cmd_env *e, const char *path, const wh_reduce_params *p,
                         const wh_reduce_report *r, const struct wh_compare *measured);
 
+/* The same of a stage that is not the last of its run, but only what it took; an older report of it
+ * is replaced. */
+int reduce_report_write_stage(const cmd_env *e, const char *path, const wh_reduce_report *r);
+
 #endif

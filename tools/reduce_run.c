@@ -167,9 +167,12 @@ int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 	}
 	if (last)
 		return tell_result(o, &env, &report, code);
-	if (!o->quiet && o->params.stage != WH_STAGE_PLAN)
-		reduce_words_paused(o, &report);
-	return WH_OK;
+	if (o->params.stage == WH_STAGE_PLAN)
+		return WH_OK;
+	if (!o->quiet)
+		reduce_words_paused(cmd_is_dash(o->report) ? stderr : stdout, o, &report);
+	return !o->report || reduce_report_write_stage(&env, o->report, &report) == 0 ? WH_OK
+	                                                                              : WH_E_RUN;
 }
 
 int reduce_run_rank(reduce_options *o, int argc, char **argv)

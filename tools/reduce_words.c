@@ -190,15 +190,16 @@ void reduce_words_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 
 /* ---- what comes next ---------------------------------------------------------------------- */
 
-void reduce_words_paused(const reduce_options *o, const wh_reduce_report *r)
+void reduce_words_paused(FILE *f, const reduce_options *o, const wh_reduce_report *r)
 {
 	const wh_reduce_params *p = &o->params;
 	if (p->stage != WH_STAGE_JOIN)
-		(void)printf("done\n");
+		(void)fprintf(f, "done\n");
 	else if (r->next_round)
-		(void)printf("joined; next: whittle stage decimate --round %u\n", r->next_round);
+		(void)fprintf(f, "joined; next: whittle stage decimate --round %u\n",
+		              r->next_round);
 	else
-		(void)printf("joined; next: whittle stage finish\n");
+		(void)fprintf(f, "joined; next: whittle stage finish\n");
 }
 
 /* An argument as a shell takes it. */

@@ -13,7 +13,7 @@ void reduce_words_summary(FILE *f, const reduce_options *o, const wh_reduce_repo
 void reduce_words_phases(FILE *f, const wh_reduce_report *r);
 
 /* What comes next, after a stage that is not the last. */
-void reduce_words_paused(const reduce_options *o, const wh_reduce_report *r);
+void reduce_words_paused(FILE *f, const reduce_options *o, const wh_reduce_report *r);
 
 /* The command that goes on with what this one, argv, has done; `kept`: it has done something. */
 void reduce_words_resume(const reduce_options *o, int argc, char **argv, bool kept);

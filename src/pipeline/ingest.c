@@ -498,6 +498,8 @@ static wh_code send_vertices(wh_ctx *c, const wh_exec *ex, ingest *g)
 {
 	const stretch *span = &g->span;
 	wh_progress_phase(g->progress, "vertices", span->end - span->first);
+	g->result->vertex_reads += span->end - span->first;
+	g->result->record_reads += span->end - span->first;
 	if (wh_visits_seal(c, &g->visits) != WH_OK)
 		return c->err.code;
 	for (uint64_t at = 0; at < span->end; at = g->visits.end) {
@@ -654,6 +656,7 @@ static wh_code take_sample(wh_ctx *c, const wh_exec *ex, ingest *g)
 	if (!g->sample)
 		return c->err.code;
 	wh_progress_phase(g->progress, "bounds", g->src->nv);
+	g->result->vertex_reads += g->src->nv;
 	return wh_exec_ordered(c, ex, wh_chunks(g->src->nv, CHUNK), bounds_job, bounds_commit, g);
 }
 
@@ -758,6 +761,7 @@ static wh_code find_homes(wh_ctx *c, const wh_exec *ex, ingest *g)
 	if (wh_homes_open(c, &g->homes, scratch_of(g), &hp) != WH_OK)
 		return c->err.code;
 	wh_progress_phase(g->progress, "partition", hp.vertices);
+	g->result->vertex_reads += hp.vertices;
 	if (wh_exec_for(c, ex, chunks_in(&g->span), home_job, g) != WH_OK)
 		return c->err.code;
 	return find_corners(c, ex, g);
@@ -832,22 +836,22 @@ static wh_code write_scan(wh_ctx *c, wh_spill *spill, const wh_scan *scan, const
 }
 
 wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
-                       uint32_t clusters, wh_spill *spill)
+                       uint32_t clusters, wh_spill *spill, wh_ingest_result *result)
 {
 	_Atomic uint64_t digest = 0;
-	wh_ingest_result found = {0};
+	*result = (wh_ingest_result){0};
 	const wh_ingest_params params = {.clusters = clusters, .digest = &digest};
 	ingest g = {.src = src,
 	            .progress = progress,
-	            .result = &found,
+	            .result = result,
 	            .params = &params,
 	            .clusters = clusters};
 	wh_code code = workspaces_make(c, &g, ex->workers);
 	if (code == WH_OK)
 		code = take_sample(c, ex, &g);
 	if (code == WH_OK) {
-		wh_scan scan = {.lo = found.lo,
-		                .hi = found.hi,
+		wh_scan scan = {.lo = result->lo,
+		                .hi = result->hi,
 		                .vertices = src->nv,
 		                .faces = src->nf,
 		                .digest = atomic_load(&digest),

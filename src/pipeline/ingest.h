@@ -60,6 +60,8 @@ typedef struct wh_ingest_result {
 	uint64_t cut_vertices;
 	uint64_t windows;    /* 1: the cells of all vertices were in memory */
 	uint64_t face_reads; /* faces read, all passes together */
+	uint64_t vertex_reads,
+	    record_reads; /* the same of positions, and of what comes with them */
 } wh_ingest_result;
 
 /* Bytes of memory that ingest holds at most. */
@@ -85,10 +87,10 @@ wh_code wh_ingest(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_
  * times; the clusters of all of them together, one share's faces after the other's, hold the mesh
  * as wh_ingest would have cut it (pipeline/pieces.h). The scan is in the store's folder. A share
  * holds the homes of the vertices that its faces use and of those between them, and lists no cuts
- * but the ids of their vertices.
+ * but the ids of their vertices. Of the scan's result only bounds and what was read are set.
  */
 wh_code wh_ingest_scan(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_source *src,
-                       uint32_t clusters, wh_spill *spill);
+                       uint32_t clusters, wh_spill *spill, wh_ingest_result *result);
 /* The digest of the vertices, as the scan met them. */
 wh_code wh_ingest_scanned(wh_ctx *c, wh_spill *spill, uint64_t *digest);
 

@@ -85,12 +85,13 @@ static wh_code ingest_once(wh_run *r)
 	return wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &r->store, &r->ingest);
 }
 
-static void count_input_reads(wh_run *r)
+void wh_run_count_reads(wh_run *r, const wh_ingest_result *done)
 {
 	const wh_source *s = &r->input.source;
-	r->report->bytes_read += 3 * s->nv * s->vstride + r->ingest.face_reads * s->fstride;
+	r->report->bytes_read += done->vertex_reads * s->vstride + done->face_reads * s->fstride;
 	if (s->attributes)
-		r->report->bytes_read += s->nv * (s->afd < 0 ? s->vstride : s->attributes->bytes);
+		r->report->bytes_read +=
+		    done->record_reads * (s->afd < 0 ? s->vstride : s->attributes->bytes);
 }
 
 /* Of a body that was rewritten, the file counts. */
@@ -121,7 +122,7 @@ static wh_code ingest_input(wh_run *r)
 		code = wh_input_unchanged(r->c, &r->input);
 	if (code != WH_OK)
 		return code;
-	count_input_reads(r);
+	wh_run_count_reads(r, &r->ingest);
 	wh_input_drop_temp(&r->spill, &r->input);
 	return WH_OK;
 }
@@ -178,8 +179,6 @@ wh_code wh_run_ingest(wh_run *r)
 		return r->c->err.code;
 	if (!taken && (done ? recall_ingest(r, &step) : ingest_input(r)) != WH_OK)
 		return r->c->err.code;
-	if (taken)
-		count_input_reads(r);
 	if (!done && note_ingest(r) != WH_OK)
 		return r->c->err.code;
 	wh_reduce_report *t = r->report;

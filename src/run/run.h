@@ -246,6 +246,8 @@ bool wh_run_shares_input(const wh_run *r);
 /* The stages that come before, or instead of, those of whittle.c. These and the next ones fail with
  * WH_E_PAUSE when this process has done what it was started for. */
 wh_code wh_run_stage(wh_run *r);
+/* Adds what was read of the input. */
+void wh_run_count_reads(wh_run *r, const wh_ingest_result *done);
 /* *taken: the parts ingested all of the input, and r->store is theirs. */
 wh_code wh_run_take_ingest(wh_run *r, bool *taken);
 /* The next step has parts: is it this process' turn, or are they all there? */

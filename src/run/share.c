@@ -116,11 +116,13 @@ static wh_code scan(wh_run *r)
 {
 	wh_exec ex = r->exec;
 	wh_ingest_params p = {.clusters = r->plan.clusters};
+	wh_ingest_result done;
 	(void)wh_ingest_fit(&r->input.source, wh_run_budget(r), &ex, &p);
 	wh_run_phase_begin(r);
-	return wh_run_phase_end(
-	    r, WH_PHASE_INGEST,
-	    wh_ingest_scan(r->c, &ex, &r->progress, &r->input.source, r->plan.clusters, &r->spill));
+	const wh_code code = wh_ingest_scan(r->c, &ex, &r->progress, &r->input.source,
+	                                    r->plan.clusters, &r->spill, &done);
+	wh_run_count_reads(r, &done);
+	return wh_run_phase_end(r, WH_PHASE_INGEST, code);
 }
 
 /* Nothing is ingested yet: the input may be cut into other parts. What there are of the same ones
@@ -189,6 +191,7 @@ static wh_code ingest_share(wh_run *r, wh_spill *own, wh_pieces *to)
 	    wh_ingest(r->c, &ex, &r->progress, &r->input.source, &p, &store, &note.result);
 	if (code == WH_OK)
 		code = wh_input_unchanged(r->c, &r->input);
+	wh_run_count_reads(r, &note.result);
 	note.digest = atomic_load(&digest);
 	note.irregular = code == WH_E_IRREGULAR;
 	if (code != WH_OK && !note.irregular)
@@ -216,8 +219,8 @@ static wh_code ingest_part(wh_run *r)
 	if (code == WH_OK)
 		code = ingest_share(r, &own, &file);
 	wh_pieces_drop(r->c, &file);
-	code = wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_end_part(r, code));
 	r->report->bytes_read += atomic_load(&own.bytes_read);
+	code = wh_run_phase_end(r, WH_PHASE_INGEST, wh_run_end_part(r, code));
 	wh_spill_close(r->c, &own);
 	return code;
 }
@@ -247,7 +250,6 @@ static void add_note(wh_run *r, const share_note *n)
 		    .lo = one.lo, .hi = one.hi, .scale = one.scale, .step = one.step};
 	sum->faces += one.faces;
 	sum->degenerate += one.degenerate;
-	sum->face_reads += one.face_reads;
 	sum->windows = one.windows > sum->windows ? one.windows : sum->windows;
 	atomic_fetch_add(&r->digest, n->digest);
 }

@@ -1,12 +1,12 @@
-# bench/scale, small: tables and figures of one mesh, the same bytes for all threads, and a model that
-# foretells no more time for more threads.
+# bench/scale, small: tables and figures of two meshes, the same bytes for all threads, parts and processes,
+# and a model that foretells no more time for more threads.
 scale=$(realpath "$(dirname "$0")/../../bench/scale")
 . "$(dirname "$0")/lib.sh"
 if ! python3 -c 'import json' 2>/dev/null; then
 	echo "skipped: there is no python3"
 	exit 77
 fi
-"$scale" --sizes 60K,120K --keep 1/10 --rounds 1 --threads 2 --whittle "$WHITTLE" --work "$dir/work" \
+"$scale" --sizes 60K,120K --keep 1/10 --rounds 1 --threads 2 --nodes 2,3 --whittle "$WHITTLE" --work "$dir/work" \
 	--results "$dir/results" >log 2>&1 || fail "status $?: $(cat log)"
 python3 - <<'E2' || fail "the figures"
 import json, os
@@ -25,6 +25,15 @@ for case in results["cases"]:
             if run["threads"] == 1:
                 assert abs(phase["busy_seconds"] - model[0]) < 1e-6, name
                 assert phase["busy_seconds"] <= phase["seconds"] + 1e-6, name
+    assert [shared["nodes"] for shared in case["shared"]] == [2, 3]
+    assert "alone" not in case["shared"][0] and not case["shared"][0]["rounds"]
+    assert len(case["shared"][1]["rounds"]) >= 1
+    for shared in case["shared"]:
+        read, written = shared["ingest"]["bytes"]
+        # every part goes twice through its faces, and to the vertices of its stretch
+        assert read >= case["faces"] * (26 + 12) and written >= case["faces"] * 19
+        for one in [shared["ingest"], *shared["rounds"]]:
+            assert 0 < one["longest"] < one["jobs"] and one["serial_seconds"] > 0
 E2
 grep -q '^| \*\*decimate\*\* ' results/scale.md || fail "no table of phases"
 [ -z "$(ls work)" ] || fail "left: $(ls work)"

@@ -1,37 +1,49 @@
 # whittle reduce by several processes of an MPI job: the bytes of one, for any number of them; and
 # what happens when one of them fails.
-kill=$(realpath "$(dirname "$0")/../../bench/kill")
+here=$(realpath "$(dirname "$0")")
 . "$(dirname "$0")/lib.sh"
 if ! "$WHITTLE" --version | grep -q MPI; then
 	echo "skipped: built without MPI"
 	exit 77
 fi
-if ! mpirun --version 2>/dev/null | grep -q 'Open MPI' || [ -n "${WHITTLE_SANITIZE:-}" ]; then
-	echo "skipped: there is no mpirun of Open MPI, or a sanitizer that would look at its memory"
+if ! mpirun --version 2>/dev/null | grep -q 'Open MPI'; then
+	echo "skipped: there is no mpirun of Open MPI"
 	exit 77
 fi
 mkdir temp
 export TMPDIR=$dir/temp
 run=(mpirun --oversubscribe --bind-to none)
 [ "$(id -u)" -ne 0 ] || run+=(--allow-run-as-root)
-"$WHITTLE" generate -q -o in.ply --faces 100K --order shuffled || exit 1
+faces=100K moments=3 several=("2 2" "4 1")
+[ -z "${WHITTLE_SANITIZE:-}" ] || faces=30K moments=0 several=("2 2")
+case ${WHITTLE_SANITIZE:-} in
+*address*)
+	# Whose a leak is cannot be told when Open MPI has unloaded its plugins: they stay.
+	echo 'int dlclose(void *module) { return module == 0; }' >keep.c
+	"$CC" -shared -fPIC -o keep.so keep.c || exit 1
+	run+=(-x "LD_PRELOAD=$("$CC" -print-file-name=libasan.so):$dir/keep.so")
+	export LSAN_OPTIONS=suppressions=$here/../openmpi.supp:print_suppressions=0
+	export ASAN_OPTIONS=fast_unwind_on_malloc=0
+	;;
+esac
+"$WHITTLE" generate -q -o in.ply --faces $faces --order shuffled || exit 1
 options="--cluster-faces 10K --micro-faces 4K --final-faces 8K"
 # shellcheck disable=SC2086
-"$WHITTLE" reduce in.ply -o plain.ply -q $options --faces 15K || exit 1
+"$WHITTLE" reduce in.ply -o plain.ply -q $options --faces 15% || exit 1
 
 # ranks N THREADS OPTION...
 ranks() {
 	local n=$1 threads=$2
 	shift 2
 	# shellcheck disable=SC2086
-	timeout 120 "${run[@]}" -n "$n" "$WHITTLE" reduce in.ply -o out.ply --no-progress $options --faces 15K \
+	timeout 120 "${run[@]}" -n "$n" "$WHITTLE" reduce in.ply -o out.ply --no-progress $options --faces 15% \
 		--threads "$threads" "$@" >out 2>err
 }
 whole() {
 	cmp plain.ply out.ply || fail "other bytes: $*: $(cat err)"
 	rm -f out.ply
 }
-for n in "2 2" "4 1"; do
+for n in "${several[@]}"; do
 	# shellcheck disable=SC2086
 	ranks $n --report "report${n% *}.json" --measure || fail "$n: $(cat err)"
 	whole "$n"
@@ -69,7 +81,8 @@ whole "resumed by fewer"
 
 # one of up to three, killed at any moment, resumed by another number of them
 # shellcheck disable=SC2086
-timeout 120 "$kill" "$WHITTLE" kills 3 1 in.ply 3 -- $options --faces 15K >out || fail "kills: $(cat out)"
+[ $moments -eq 0 ] || timeout 120 "$here/../../bench/kill" "$WHITTLE" kills $moments 1 in.ply 3 -- \
+	$options --faces 15% >out || fail "kills: $(cat out)"
 
 # a launcher that was there, for one process alone, or for a program that is no reduce
 OMPI_COMM_WORLD_SIZE=1 expect 0 "$WHITTLE" reduce in.ply -f -q -o out.ply --faces 1K

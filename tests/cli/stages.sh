@@ -147,7 +147,11 @@ whole "accidents"
 # ---- logs, another folder, going on alone ----
 mkdir elsewhere
 plan in.ply 2 --faces 20K
-(cd elsewhere && expect 0 "$WHITTLE" stage ingest --run-dir ../run --part 1 -v) || fail elsewhere
+(cd elsewhere && expect 0 "$WHITTLE" stage ingest --run-dir ../run --part 1 -v --report part.json &&
+	[ $failures -eq 0 ]) || fail elsewhere
+# its half of 100 K or 70 K faces of 13 bytes, which it reads twice, with their vertices and the sample
+bytes=$(grep -A 20 '"ingest": {' elsewhere/part.json | grep -o '"bytes_read": [0-9]*' | cut -d' ' -f2)
+[ "${bytes:-0}" -gt $((${faces%K} * 13000)) ] || fail "report of a part: $(cat elsewhere/part.json)"
 stage ingest --run-dir run --part 2 --temp-dir elsewhere -v
 grep -q 'ingest .* s' run/log-ingest-part-00001 || fail "no log: $(ls run)"
 stage join --run-dir run
@@ -222,6 +226,7 @@ expect 2 "$WHITTLE" stage ingest --run-dir run --part 0/4
 expect 2 "$WHITTLE" stage decimate --run-dir run --part 1/4
 expect 2 "$WHITTLE" stage join --run-dir run --part 1/4
 expect 2 "$WHITTLE" stage round --run-dir run
+expect 2 "$WHITTLE" stage join --run-dir run --report ''
 expect 2 "$WHITTLE" plan in.ply -o o.ply --faces 2K --run-dir run
 expect 2 "$WHITTLE" plan in.ply --faces 2K --run-dir run --parts 3
 expect 2 "$WHITTLE" reduce in.ply -o o.ply --faces 2K --parts 3
