@@ -48,9 +48,9 @@ void wh_simplify_workspace_free(wh_ctx *c, wh_simplify_workspace *w)
 	wh_free(c, w->mark);
 	wh_free(c, w->first);
 	wh_free(c, w->corner);
-	wh_free(c, w->spill);
+	wh_free(c, w->overflow);
 	wh_free(c, w->slot);
-	wh_free(c, w->spill_slot);
+	wh_free(c, w->overflow_slot);
 	wh_free(c, w->wedge);
 	wh_gradients_free(c, w->gradients);
 	wh_free(c, w->quadric);

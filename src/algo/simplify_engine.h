@@ -47,7 +47,7 @@ typedef struct wh_star {
 	uint32_t n;        /* neighbours; 0 when it is locked or gone */
 	uint8_t flag;      /* the patch's */
 	bool closed;       /* interior */
-	/* unused ones are WH_NONE; where there are more, ring[0] is their place in the spill */
+	/* unused ones are WH_NONE; where there are more, ring[0] is their place in the overflow */
 	_Alignas(64) uint32_t ring[WH_RING_INLINE];
 } wh_star;
 
@@ -172,7 +172,7 @@ typedef struct wh_mark {
 	uint16_t first, second;
 } wh_mark;
 
-enum { WH_SPILL_CLASSES = 3 }; /* rings of up to 32, 64, 128 */
+enum { WH_OVERFLOW_CLASSES = 3 }; /* rings of up to 32, 64, 128 */
 
 struct wh_simplify_workspace {
 	wh_trial trial;
@@ -186,15 +186,15 @@ struct wh_simplify_workspace {
 	uint32_t *corner;
 	size_t cap_corner;
 	/* while faces carry something: the faces of each ring, side by side with it */
-	uint32_t *slot, *spill_slot;
-	size_t cap_slot, cap_spill_slot;
+	uint32_t *slot, *overflow_slot;
+	size_t cap_slot, cap_overflow_slot;
 	struct wh_wedge_plan *wedge;
 	struct wh_gradients *gradients; /* of blend_cost.c; NULL until attributes have weights */
 	wh_quadric *quadric;            /* of policy_qem.c: one for each vertex, about its place */
 	size_t cap_quadric;
-	uint32_t *spill; /* rings that are too long for their stars */
-	size_t spill_cap, spill_used;
-	uint32_t spill_free[WH_SPILL_CLASSES];
+	uint32_t *overflow; /* rings that are too long for their stars */
+	size_t overflow_cap, overflow_used;
+	uint32_t overflow_free[WH_OVERFLOW_CLASSES];
 	uint32_t tick;
 };
 
@@ -279,7 +279,7 @@ void wh_stars_unbuild(wh_engine *e);
 static inline uint32_t *wh_ring(const wh_engine *e, uint32_t v)
 {
 	wh_star *s = &e->w->star[v];
-	return s->n <= WH_RING_INLINE ? s->ring : &e->w->spill[s->ring[0]];
+	return s->n <= WH_RING_INLINE ? s->ring : &e->w->overflow[s->ring[0]];
 }
 
 /* Where a neighbour is in a ring that has it. */
@@ -435,7 +435,7 @@ static inline uint32_t *wh_slots(const wh_engine *e, uint32_t v)
 {
 	const wh_star *s = &e->w->star[v];
 	return s->n <= WH_RING_INLINE ? &e->w->slot[(size_t)v * WH_RING_INLINE]
-	                              : &e->w->spill_slot[s->ring[0]];
+	                              : &e->w->overflow_slot[s->ring[0]];
 }
 
 /* The ring of v was set: these are its faces. */

@@ -13,7 +13,7 @@
 
 /* ---- rings -------------------------------------------------------------------------------- */
 
-/* 0: in the star; else one more than the class of the spill. */
+/* 0: in the star; else one more than the class of the overflow. */
 static uint32_t ring_class(uint32_t n)
 {
 	return n <= WH_RING_INLINE       ? 0
@@ -27,20 +27,20 @@ static uint32_t class_room(uint32_t class)
 	return (uint32_t)WH_RING_INLINE << class;
 }
 
-static wh_code spill_take(wh_engine *e, uint32_t class, uint32_t *at)
+static wh_code overflow_take(wh_engine *e, uint32_t class, uint32_t *at)
 {
 	struct wh_simplify_workspace *w = e->w;
-	uint32_t *free_head = &w->spill_free[class - 1];
+	uint32_t *free_head = &w->overflow_free[class - 1];
 	if (*free_head != WH_NONE) {
 		*at = *free_head;
-		*free_head = w->spill[*at];
+		*free_head = w->overflow[*at];
 		return WH_OK;
 	}
-	const size_t end = w->spill_used + class_room(class);
-	if (wh_reserve(e->c, &w->spill, &w->spill_cap, end, sizeof *w->spill) != WH_OK)
+	const size_t end = w->overflow_used + class_room(class);
+	if (wh_reserve(e->c, &w->overflow, &w->overflow_cap, end, sizeof *w->overflow) != WH_OK)
 		return e->c->err.code;
-	*at = (uint32_t)w->spill_used;
-	w->spill_used = end;
+	*at = (uint32_t)w->overflow_used;
+	w->overflow_used = end;
 	return WH_OK;
 }
 
@@ -59,10 +59,10 @@ static wh_code set_slots(wh_engine *e, uint32_t v, const uint32_t *a, const uint
 	return wh_slots_set(e, v, slot);
 }
 
-static void spill_give(struct wh_simplify_workspace *w, uint32_t class, uint32_t at)
+static void overflow_give(struct wh_simplify_workspace *w, uint32_t class, uint32_t at)
 {
-	w->spill[at] = w->spill_free[class - 1];
-	w->spill_free[class - 1] = at;
+	w->overflow[at] = w->overflow_free[class - 1];
+	w->overflow_free[class - 1] = at;
 }
 
 wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n)
@@ -72,14 +72,14 @@ wh_code wh_ring_set(wh_engine *e, uint32_t v, const uint32_t *id, uint32_t n)
 	uint32_t at = s->ring[0];
 	if (class != was) {
 		if (was)
-			spill_give(e->w, was, at);
-		if (class && spill_take(e, class, &at) != WH_OK)
+			overflow_give(e->w, was, at);
+		if (class && overflow_take(e, class, &at) != WH_OK)
 			return e->c->err.code;
 	}
 	s->n = n;
 	if (class) {
 		s->ring[0] = at;
-		memcpy(&e->w->spill[at], id, n * sizeof *id);
+		memcpy(&e->w->overflow[at], id, n * sizeof *id);
 		return WH_OK;
 	}
 	for (uint32_t i = 0; i < WH_RING_INLINE; i++)
@@ -337,9 +337,9 @@ wh_code wh_stars_build(wh_engine *e)
 		return e->c->err.code;
 	memset(w->mark, 0, p->nv * sizeof *w->mark);
 	w->tick = 0;
-	w->spill_used = 0;
-	for (int i = 0; i < WH_SPILL_CLASSES; i++)
-		w->spill_free[i] = WH_NONE;
+	w->overflow_used = 0;
+	for (int i = 0; i < WH_OVERFLOW_CLASSES; i++)
+		w->overflow_free[i] = WH_NONE;
 	list_faces(e);
 	for (uint32_t v = 0; v < p->nv; v++) {
 		wh_star *s = &w->star[v];

@@ -407,7 +407,7 @@ static void renew_neighbour(wh_engine *e, const wh_trial *t, uint32_t i)
 /* The neighbours of the vertex that goes now have the one that stays; the apexes had it before. */
 static wh_code renew_rings(wh_engine *e, const wh_trial *t)
 {
-	uint32_t r[WH_MOST_AROUND]; /* a copy: rings may move in the spill */
+	uint32_t r[WH_MOST_AROUND]; /* a copy: rings may move in the overflow */
 	const uint32_t n = e->w->star[t->u].n;
 	memcpy(r, wh_ring(e, t->u), n * sizeof *r);
 	for (uint32_t i = 0; i < n; i++) {

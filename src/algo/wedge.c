@@ -91,8 +91,8 @@ static uint32_t faces_of(const wh_star *s)
 wh_code wh_slots_set(wh_engine *e, uint32_t v, const uint32_t *face)
 {
 	struct wh_simplify_workspace *w = e->w;
-	if (wh_reserve(e->c, &w->spill_slot, &w->cap_spill_slot, w->spill_cap,
-	               sizeof *w->spill_slot) != WH_OK)
+	if (wh_reserve(e->c, &w->overflow_slot, &w->cap_overflow_slot, w->overflow_cap,
+	               sizeof *w->overflow_slot) != WH_OK)
 		return e->c->err.code;
 	memcpy(wh_slots(e, v), face, faces_of(&w->star[v]) * sizeof *face);
 	return WH_OK;

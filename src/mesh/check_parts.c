@@ -46,13 +46,13 @@ bool wh_checker_is_face(const wh_checker *k, uint32_t f)
 /* The star of v is whole here. */
 static bool is_whole(const wh_checker *k, uint32_t v)
 {
-	return !k->flag || ((k->flag[v] & WH_CUT) != 0) == k->seam;
+	return !k->flag || ((k->flag[v] & WH_CUT) != 0) == k->rim;
 }
 
 /* What v, whose star is whole, shares with w is counted here and at v, as far as w goes. */
 static bool counts_at(const wh_checker *k, uint32_t v, uint32_t w)
 {
-	return is_whole(k, w) ? v < w : !k->seam;
+	return is_whole(k, w) ? v < w : !k->rim;
 }
 
 static bool is_finite(wh_vec3 p)
@@ -565,7 +565,7 @@ void wh_checker_free(wh_checker *k)
 	wh_free(k->c, k->on_boundary);
 	wh_free(k->c, k->vertex_sets);
 	wh_free(k->c, k->set_faces);
-	if (!k->seam)
+	if (!k->rim)
 		wh_free(k->c, k->normal);
 	wh_free(k->c, k->face_sets);
 	wh_free(k->c, k->used);

@@ -7,10 +7,10 @@
  *                      whole stars    edges, faces and fans counted
  *     mesh (no flags)  all            all
  *     piece            not cut        those with an end, a corner, a centre that is not cut
- *     seam             cut            the rest: those all of whose vertices are cut
+ *     rim             cut            the rest: those all of whose vertices are cut
  *
- * where the seam is made of all faces, of all pieces, that have a cut corner. A piece and the
- * seam together thus count everything once.
+ * where the rim is made of all faces, of all pieces, that have a cut corner. A piece and the
+ * rim together thus count everything once.
  */
 #ifndef WH_MESH_CHECK_PARTS_H
 #define WH_MESH_CHECK_PARTS_H
@@ -37,12 +37,12 @@ typedef struct wh_face_sums {
 typedef struct wh_checker {
 	wh_ctx *c;
 	uint32_t nv, nf;
-	const wh_vec3 *pos; /* nv; the seam needs none */
+	const wh_vec3 *pos; /* nv; the rim needs none */
 	const uint32_t *tri;
 	const uint8_t *flag; /* nv: WH_CUT or not; NULL: a whole mesh */
-	float (*normal)[3];  /* nf, of length 1, or 0 where there is none; of the seam they are
+	float (*normal)[3];  /* nf, of length 1, or 0 where there is none; of the rim they are
 	                        given, and the caller's */
-	bool seam;           /* whole are the stars of cut vertices */
+	bool rim;            /* whole are the stars of cut vertices */
 	wh_check *r;         /* counts are added here */
 
 	uint64_t *used;        /* bit per vertex that has a face */
@@ -85,7 +85,7 @@ bool wh_checker_is_face(const wh_checker *k, uint32_t f);
  * *sums. */
 wh_code wh_checker_run(wh_checker *k, wh_face_sums *sums);
 
-/* For the seam, whose face_sets are given, in this order. Lists the stars. */
+/* For the rim, whose face_sets are given, in this order. Lists the stars. */
 wh_code wh_checker_stars(wh_checker *k);
 /* Counts edges, duplicate faces and fans; joins face_sets. */
 wh_code wh_checker_edges(wh_checker *k);

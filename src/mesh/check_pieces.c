@@ -2,14 +2,14 @@
  * Idea. In a piece the stars of vertices that are not cut are whole: what they have a part in is
  * counted there (check_parts.h). What remains is about cut vertices and edges between two of
  * them; it shows in the faces that have a cut corner. Those of all pieces, put together, are a
- * small mesh, the seam, in which the stars of the cut vertices are whole, and the same code
+ * small mesh, the rim, in which the stars of the cut vertices are whole, and the same code
  * counts the remainder there.
  *
  * Components and boundary loops are sets that grow. A piece counts its own, and hands over which
- * of its seam faces, seam vertices and boundary half-edges belong to the same one. So the seam
- * begins with these joined, and goes on joining; of the components that reach into the seam,
- * it is the seam's count that holds; of loops, what its joins leave. A half-edge with one cut end
- * was counted, and is in a loop, in its piece; the seam goes on from that end.
+ * of its rim faces, rim vertices and boundary half-edges belong to the same one. So the rim
+ * begins with these joined, and goes on joining; of the components that reach into the rim,
+ * it is the rim's count that holds; of loops, what its joins leave. A half-edge with one cut end
+ * was counted, and is in a loop, in its piece; the rim goes on from that end.
  *
  * Cost. Of 4 L faces along a cut of L vertices each takes 12 bytes, 12 for its normal, and 4 for
  * its set; of 3 L vertices each takes 21, and a cut one 8 in the table that finds it by its id.
@@ -22,14 +22,14 @@
 
 #include <string.h>
 
-/* A boundary half-edge of the seam that was counted in its piece. */
+/* A boundary half-edge of the rim that was counted in its piece. */
 typedef struct open_edge {
-	uint32_t half_edge; /* 3 f + k, f among the seam's faces */
+	uint32_t half_edge; /* 3 f + k, f among the rim's faces */
 	uint32_t like;      /* the first in the list of the same loop */
 } open_edge;
 
 /* Vertices and faces of a piece, or of all, that have to do with cuts. */
-typedef struct seam {
+typedef struct rim {
 	uint32_t nv, nf, nopen;
 	uint64_t *gid;
 	uint8_t *flag;        /* WH_CUT or 0 */
@@ -41,24 +41,24 @@ typedef struct seam {
 	float (*normal)[3]; /* of the faces */
 	open_edge *open;
 	size_t cap_gid, cap_flag, cap_vertex, cap_tri, cap_face, cap_open, cap_size, cap_normal;
-} seam;
+} rim;
 
 struct wh_check_workspace {
 	wh_check found; /* what is whole in the piece */
 	wh_face_sums sums;
-	seam seam;
-	uint64_t components, edge_components; /* of found, those that reach into the seam */
+	rim rim;
+	uint64_t components, edge_components; /* of found, those that reach into the rim */
 };
 
 struct wh_check_pieces {
 	wh_check found; /* sums */
 	wh_face_sums sums;
-	seam seam;
-	uint64_t components, edge_components; /* sums of what the pieces have in the seam */
-	uint32_t *slot; /* hash table: cut vertices of the seam by gid; WH_NONE: empty */
+	rim rim;
+	uint64_t components, edge_components; /* sums of what the pieces have in the rim */
+	uint32_t *slot; /* hash table: cut vertices of the rim by gid; WH_NONE: empty */
 	uint64_t slots; /* a power of two, or 0 */
 	uint32_t cuts;  /* vertices in it */
-	uint32_t *map;  /* of a piece's seam vertices to all */
+	uint32_t *map;  /* of a piece's rim vertices to all */
 	size_t cap_map;
 };
 
@@ -66,7 +66,7 @@ enum { MOST_FACES = UINT32_MAX / 3 };
 
 /* ---- lists -------------------------------------------------------------------------------- */
 
-static wh_code seam_reserve(wh_ctx *c, seam *s, uint64_t nv, uint64_t nf, uint64_t nopen)
+static wh_code rim_reserve(wh_ctx *c, rim *s, uint64_t nv, uint64_t nf, uint64_t nopen)
 {
 	if (nv >= WH_NONE || nf > MOST_FACES)
 		return wh_fail(c, WH_E_PLAN,
@@ -85,7 +85,7 @@ static wh_code seam_reserve(wh_ctx *c, seam *s, uint64_t nv, uint64_t nf, uint64
 	return WH_OK;
 }
 
-static void seam_free(wh_ctx *c, seam *s)
+static void rim_free(wh_ctx *c, rim *s)
 {
 	wh_free(c, s->gid);
 	wh_free(c, s->flag);
@@ -95,18 +95,18 @@ static void seam_free(wh_ctx *c, seam *s)
 	wh_free(c, s->tri);
 	wh_free(c, s->face_set);
 	wh_free(c, s->open);
-	*s = (seam){0};
+	*s = (rim){0};
 }
 
 /* ---- one piece ---------------------------------------------------------------------------- */
 
-/* Scratch while the seam of a piece is taken out of it. */
+/* Scratch while the rim of a piece is taken out of it. */
 typedef struct cutter {
 	const wh_checker *k;
 	const wh_patch *piece;
-	seam *s;
-	uint32_t *map;   /* the piece's vertices to the seam's */
-	uint32_t *first; /* of a set, by its root: the first of the seam's in it, or WH_NONE */
+	rim *s;
+	uint32_t *map;   /* the piece's vertices to the rim's */
+	uint32_t *first; /* of a set, by its root: the first of the rim's in it, or WH_NONE */
 } cutter;
 
 static bool is_cut(const cutter *x, uint32_t v)
@@ -114,7 +114,7 @@ static bool is_cut(const cutter *x, uint32_t v)
 	return x->piece->flag[v] & WH_CUT;
 }
 
-static bool is_seam_face(const cutter *x, uint32_t f)
+static bool is_rim_face(const cutter *x, uint32_t f)
 {
 	const uint32_t *t = x->piece->tri + 3 * (size_t)f;
 	return wh_checker_is_face(x->k, f) &&
@@ -139,8 +139,8 @@ static uint32_t first_of(cutter *x, uint32_t root, uint32_t candidate)
 	return x->first[root];
 }
 
-/* Marks the corners of seam faces in `map`, and makes room. */
-static wh_code mark_seam(wh_ctx *c, cutter *x)
+/* Marks the corners of rim faces in `map`, and makes room. */
+static wh_code mark_rim(wh_ctx *c, cutter *x)
 {
 	const wh_patch *p = x->piece;
 	uint64_t nv = 0, nf = 0;
@@ -148,7 +148,7 @@ static wh_code mark_seam(wh_ctx *c, cutter *x)
 	if (!x->map)
 		return c->err.code;
 	for (uint32_t f = 0; f < p->nf; f++) {
-		if (!is_seam_face(x, f))
+		if (!is_rim_face(x, f))
 			continue;
 		nf++;
 		for (int i = 0; i < 3; i++)
@@ -156,13 +156,13 @@ static wh_code mark_seam(wh_ctx *c, cutter *x)
 	}
 	for (uint32_t v = 0; v < p->nv; v++)
 		nv += x->map[v];
-	return seam_reserve(c, x->s, nv, nf, 0);
+	return rim_reserve(c, x->s, nv, nf, 0);
 }
 
-/* Components that do not reach into the seam have their size; of the others it is handed over. */
+/* Components that do not reach into the rim have their size; of the others it is handed over. */
 static void count_sizes(const cutter *x)
 {
-	seam *s = x->s;
+	rim *s = x->s;
 	for (uint32_t i = 0; i < s->nv; i++)
 		s->set_faces[i] = 0;
 	for (uint32_t v = 0; v < x->piece->nv; v++) {
@@ -179,7 +179,7 @@ static void count_sizes(const cutter *x)
 static wh_code take_vertices(wh_ctx *c, cutter *x, uint64_t *components)
 {
 	const wh_patch *p = x->piece;
-	seam *s = x->s;
+	rim *s = x->s;
 	if (begin_sets(c, x, p->nv) != WH_OK)
 		return c->err.code;
 	s->nv = 0;
@@ -200,12 +200,12 @@ static wh_code take_vertices(wh_ctx *c, cutter *x, uint64_t *components)
 static wh_code take_faces(wh_ctx *c, cutter *x, uint64_t *edge_components)
 {
 	const wh_patch *p = x->piece;
-	seam *s = x->s;
+	rim *s = x->s;
 	if (begin_sets(c, x, p->nf) != WH_OK)
 		return c->err.code;
 	s->nf = 0;
 	for (uint32_t f = 0; f < p->nf; f++) {
-		if (!is_seam_face(x, f))
+		if (!is_rim_face(x, f))
 			continue;
 		for (int i = 0; i < 3; i++)
 			s->tri[3 * (size_t)s->nf + (size_t)i] =
@@ -226,27 +226,27 @@ static bool is_open_edge(const cutter *x, uint32_t f, uint32_t i)
 	       is_cut(x, t[i]) != is_cut(x, t[(i + 1) % 3]);
 }
 
-static wh_code take_open_edge(wh_ctx *c, cutter *x, uint64_t half_edge, uint32_t seam_half_edge)
+static wh_code take_open_edge(wh_ctx *c, cutter *x, uint64_t half_edge, uint32_t rim_half_edge)
 {
-	seam *s = x->s;
+	rim *s = x->s;
 	if (wh_reserve(c, &s->open, &s->cap_open, (size_t)s->nopen + 1, sizeof *s->open) != WH_OK)
 		return c->err.code;
 	const uint32_t number = wh_checker_boundary_number(x->k, half_edge);
 	const uint32_t root = wh_sets_find(x->k->loop_sets, number);
-	s->open[s->nopen] = (open_edge){seam_half_edge, first_of(x, root, s->nopen)};
+	s->open[s->nopen] = (open_edge){rim_half_edge, first_of(x, root, s->nopen)};
 	s->nopen++;
 	return WH_OK;
 }
 
 static wh_code take_open_edges(wh_ctx *c, cutter *x)
 {
-	seam *s = x->s;
+	rim *s = x->s;
 	if (begin_sets(c, x, x->k->boundary_total) != WH_OK)
 		return c->err.code;
 	s->nopen = 0;
 	uint32_t at = 0;
 	for (uint32_t f = 0; f < x->piece->nf; f++) {
-		if (!is_seam_face(x, f))
+		if (!is_rim_face(x, f))
 			continue;
 		for (uint32_t i = 0; i < 3; i++)
 			if (is_open_edge(x, f, i) &&
@@ -257,11 +257,11 @@ static wh_code take_open_edges(wh_ctx *c, cutter *x)
 	return WH_OK;
 }
 
-static wh_code take_seam(wh_ctx *c, wh_check_workspace *w, const wh_checker *k,
-                         const wh_patch *piece)
+static wh_code take_rim(wh_ctx *c, wh_check_workspace *w, const wh_checker *k,
+                        const wh_patch *piece)
 {
-	cutter x = {.k = k, .piece = piece, .s = &w->seam};
-	if (mark_seam(c, &x) == WH_OK && take_vertices(c, &x, &w->components) == WH_OK &&
+	cutter x = {.k = k, .piece = piece, .s = &w->rim};
+	if (mark_rim(c, &x) == WH_OK && take_vertices(c, &x, &w->components) == WH_OK &&
 	    take_faces(c, &x, &w->edge_components) == WH_OK)
 		(void)take_open_edges(c, &x);
 	wh_free(c, x.first);
@@ -283,7 +283,7 @@ wh_code wh_check_look(wh_ctx *c, wh_check_workspace *w, const wh_patch *piece)
 	                .r = &w->found};
 	wh_code code = wh_checker_run(&k, &w->sums);
 	if (code == WH_OK)
-		code = take_seam(c, w, &k, piece);
+		code = take_rim(c, w, &k, piece);
 	wh_checker_free(&k);
 	return code;
 }
@@ -296,7 +296,7 @@ wh_check_workspace *wh_check_workspace_new(wh_ctx *c)
 void wh_check_workspace_free(wh_ctx *c, wh_check_workspace *w)
 {
 	if (w)
-		seam_free(c, &w->seam);
+		rim_free(c, &w->rim);
 	wh_free(c, w);
 }
 
@@ -313,7 +313,7 @@ wh_check_pieces *wh_check_pieces_new(wh_ctx *c)
 void wh_check_pieces_free(wh_ctx *c, wh_check_pieces *s)
 {
 	if (s) {
-		seam_free(c, &s->seam);
+		rim_free(c, &s->rim);
 		wh_free(c, s->slot);
 		wh_free(c, s->map);
 	}
@@ -348,7 +348,7 @@ static void add_counts(wh_check *sum, const wh_check *one)
 static uint32_t *slot_of(wh_check_pieces *s, uint64_t gid)
 {
 	uint64_t i = wh_mix64(gid) & (s->slots - 1);
-	while (s->slot[i] != WH_NONE && s->seam.gid[s->slot[i]] != gid)
+	while (s->slot[i] != WH_NONE && s->rim.gid[s->slot[i]] != gid)
 		i = (i + 1) & (s->slots - 1);
 	return s->slot + i;
 }
@@ -368,13 +368,13 @@ static wh_code reserve_slots(wh_ctx *c, wh_check_pieces *s, uint32_t more)
 		return c->err.code;
 	memset(s->slot, 0xff, (size_t)slots * sizeof *s->slot);
 	s->slots = slots;
-	for (uint32_t v = 0; v < s->seam.nv; v++)
-		if (s->seam.flag[v])
-			*slot_of(s, s->seam.gid[v]) = v;
+	for (uint32_t v = 0; v < s->rim.nv; v++)
+		if (s->rim.flag[v])
+			*slot_of(s, s->rim.gid[v]) = v;
 	return WH_OK;
 }
 
-static uint32_t new_vertex(seam *all, uint64_t gid, uint8_t flag)
+static uint32_t new_vertex(rim *all, uint64_t gid, uint8_t flag)
 {
 	const uint32_t v = all->nv++;
 	all->gid[v] = gid;
@@ -388,26 +388,26 @@ static uint32_t cut_vertex(wh_check_pieces *s, uint64_t gid)
 {
 	uint32_t *at = slot_of(s, gid);
 	if (*at == WH_NONE) {
-		*at = new_vertex(&s->seam, gid, WH_CUT);
+		*at = new_vertex(&s->rim, gid, WH_CUT);
 		s->cuts++;
 	}
 	return *at;
 }
 
-static void add_vertices(wh_check_pieces *s, const seam *one)
+static void add_vertices(wh_check_pieces *s, const rim *one)
 {
 	for (uint32_t v = 0; v < one->nv; v++) {
-		s->map[v] = one->flag[v] ? cut_vertex(s, one->gid[v])
-		                         : new_vertex(&s->seam, one->gid[v], 0);
-		s->seam.set_faces[s->map[v]] += one->set_faces[v];
+		s->map[v] =
+		    one->flag[v] ? cut_vertex(s, one->gid[v]) : new_vertex(&s->rim, one->gid[v], 0);
+		s->rim.set_faces[s->map[v]] += one->set_faces[v];
 		/* the first of a component comes before the others */
-		(void)wh_sets_join(s->seam.vertex_set, s->map[v], s->map[one->vertex_set[v]]);
+		(void)wh_sets_join(s->rim.vertex_set, s->map[v], s->map[one->vertex_set[v]]);
 	}
 }
 
-static void add_faces(wh_check_pieces *s, const seam *one)
+static void add_faces(wh_check_pieces *s, const rim *one)
 {
-	seam *all = &s->seam;
+	rim *all = &s->rim;
 	for (uint32_t i = 0; i < one->nopen; i++)
 		all->open[all->nopen + i] = (open_edge){one->open[i].half_edge + 3 * all->nf,
 		                                        one->open[i].like + all->nopen};
@@ -423,10 +423,10 @@ static void add_faces(wh_check_pieces *s, const seam *one)
 
 wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_workspace *w)
 {
-	const seam *one = &w->seam;
-	seam *all = &s->seam;
-	if (seam_reserve(c, all, (uint64_t)all->nv + one->nv, (uint64_t)all->nf + one->nf,
-	                 (uint64_t)all->nopen + one->nopen) != WH_OK ||
+	const rim *one = &w->rim;
+	rim *all = &s->rim;
+	if (rim_reserve(c, all, (uint64_t)all->nv + one->nv, (uint64_t)all->nf + one->nf,
+	                (uint64_t)all->nopen + one->nopen) != WH_OK ||
 	    wh_reserve(c, &s->map, &s->cap_map, one->nv, sizeof *s->map) != WH_OK ||
 	    reserve_slots(c, s, one->nv) != WH_OK)
 		return c->err.code;
@@ -439,11 +439,11 @@ wh_code wh_check_pieces_add(wh_ctx *c, wh_check_pieces *s, const wh_check_worksp
 	return WH_OK;
 }
 
-/* ---- the seam ----------------------------------------------------------------------------- */
+/* ---- the rim ----------------------------------------------------------------------------- */
 
 /* The loops that pieces left open: their half-edges are known as boundary, and can be met at
  * their cut ends. */
-static void mark_open_edges(wh_checker *k, const seam *s)
+static void mark_open_edges(wh_checker *k, const rim *s)
 {
 	for (uint32_t i = 0; i < s->nopen; i++) {
 		const uint32_t h = s->open[i].half_edge;
@@ -453,7 +453,7 @@ static void mark_open_edges(wh_checker *k, const seam *s)
 	}
 }
 
-static void join_open_edges(wh_checker *k, const seam *s)
+static void join_open_edges(wh_checker *k, const rim *s)
 {
 	for (uint32_t i = 0; i < s->nopen; i++) {
 		const uint32_t like = s->open[s->open[i].like].half_edge;
@@ -463,16 +463,16 @@ static void join_open_edges(wh_checker *k, const seam *s)
 	}
 }
 
-/* Counts in the seam what no piece could. The face sets change hands: the checker frees them. */
-static wh_code count_seam(wh_ctx *c, wh_check_pieces *s, wh_check *r)
+/* Counts in the rim what no piece could. The face sets change hands: the checker frees them. */
+static wh_code count_rim(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 {
-	seam *all = &s->seam;
+	rim *all = &s->rim;
 	wh_checker k = {.c = c,
 	                .nv = all->nv,
 	                .nf = all->nf,
 	                .tri = all->tri,
 	                .flag = all->flag,
-	                .seam = true,
+	                .rim = true,
 	                .normal = all->normal,
 	                .face_sets = all->face_set,
 	                .r = r};
@@ -496,7 +496,7 @@ static wh_code count_seam(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 }
 
 /* A root comes before the others of its set. */
-static void sum_sizes(seam *s, wh_check *r)
+static void sum_sizes(rim *s, wh_check *r)
 {
 	for (uint32_t v = 0; v < s->nv; v++) {
 		const uint32_t root = wh_sets_find(s->vertex_set, v);
@@ -512,16 +512,16 @@ wh_code wh_check_pieces_end(wh_ctx *c, wh_check_pieces *s, wh_check *r)
 {
 	wh_free(c, s->slot);
 	wh_free(c, s->map);
-	wh_free(c, s->seam.gid);
+	wh_free(c, s->rim.gid);
 	s->slot = s->map = NULL;
-	s->seam.gid = NULL;
+	s->rim.gid = NULL;
 	wh_check rest = {0};
 	wh_check_box_begin(&rest);
-	if (count_seam(c, s, &rest) != WH_OK)
+	if (count_rim(c, s, &rest) != WH_OK)
 		return c->err.code;
 	rest.referenced_vertices = s->cuts;
-	rest.components = wh_sets_count(s->seam.vertex_set, s->seam.nv);
-	sum_sizes(&s->seam, &rest);
+	rest.components = wh_sets_count(s->rim.vertex_set, s->rim.nv);
+	sum_sizes(&s->rim, &rest);
 	*r = s->found;
 	add_counts(r, &rest);
 	r->components -= s->components;
@@ -538,7 +538,7 @@ size_t wh_check_piece_bytes(uint64_t nv, uint64_t nf)
 	const uint64_t open = 3 * nf < 2 * nv ? 3 * nf : 2 * nv; /* boundary edges: no more */
 	const uint64_t most = nf > open ? nf : open;
 	const uint64_t tables = 12 * nf + 4 * nf + nf + nv / 4 + 4 * open;
-	const uint64_t stars = 12 * nf + 8 * nv, seam_part = (28 * nf + 21 * nv) / 8;
-	const uint64_t taking = 12 * nv + 4 * (most > nv ? most : nv) + seam_part;
+	const uint64_t stars = 12 * nf + 8 * nv, rim_part = (28 * nf + 21 * nv) / 8;
+	const uint64_t taking = 12 * nv + 4 * (most > nv ? most : nv) + rim_part;
 	return (size_t)(tables + (stars > taking ? stars : taking)) + 65536;
 }

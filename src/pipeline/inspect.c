@@ -112,7 +112,7 @@ wh_code wh_inspect_store(wh_ctx *c, const wh_exec *ex, wh_progress *progress, co
 	code = workspaces_make(c, &s, ex->workers, max_v, max_f);
 	if (code == WH_OK)
 		code = wh_exec_gather(c, ex, store->clusters, look_job, look_commit, &s);
-	workspaces_free(c, &s, ex->workers); /* before the seam is counted */
+	workspaces_free(c, &s, ex->workers); /* before the rim is counted */
 	wh_free(c, s.order);
 	if (code == WH_OK)
 		code = wh_check_pieces_end(c, s.sum, r);
