@@ -9,6 +9,7 @@
 #include "base/rng.h"
 #include "pipeline/homes.h"
 #include "pipeline/ingest.h"
+#include "pipeline/recut.h"
 #include "pipeline/round.h"
 #include "pipeline/visits.h"
 
@@ -206,17 +207,16 @@ static void recut(fixture *f, int workers, uint32_t clusters)
 	    .spill = &f->spill, .generation = f->store.generation + 1, .clusters = clusters};
 	size_t buffer, need;
 	const size_t used = f->t.mem.used;
-	assert_int_equal(wh_round_recut_fit(&f->t.ctx, &f->store, clusters, 0, &ex, &buffer, &need),
+	assert_int_equal(wh_recut_fit(&f->t.ctx, &f->store, clusters, 0, &ex, &buffer, &need),
 	                 WH_OK);
 	assert_int_equal(ex.workers, 1);
 	ex.workers = workers;
 	assert_int_equal(
-	    wh_round_recut_fit(&f->t.ctx, &f->store, clusters, need * 2, &ex, &buffer, &need),
-	    WH_OK);
+	    wh_recut_fit(&f->t.ctx, &f->store, clusters, need * 2, &ex, &buffer, &need), WH_OK);
 	f->t.mem.limit = used + need;
 	const wh_recut_params p = {.skew = 0.4, .buffer = buffer, .free_all = true};
 	uint64_t never;
-	(void)wh_round_recut(&f->t.ctx, &ex, &progress, &f->store, &next, &p, &never);
+	(void)wh_recut(&f->t.ctx, &ex, &progress, &f->store, &next, &p, &never);
 	no_failure(f);
 	f->t.mem.limit = 0;
 	wh_round_remove(&f->store);
@@ -523,7 +523,7 @@ static wh_code ingest_with_failure(fixture *f, long fail_after, uint64_t window)
 		wh_store next = {.spill = &f->spill, .generation = 1, .clusters = 2};
 		const wh_recut_params again = {.skew = 0.4, .buffer = 3000, .free_all = true};
 		uint64_t never;
-		code = wh_round_recut(&f->t.ctx, &ex, &progress, &f->store, &next, &again, &never);
+		code = wh_recut(&f->t.ctx, &ex, &progress, &f->store, &next, &again, &never);
 	}
 	f->t.mem.fail_after = 0;
 	f->t.ctx.err = (wh_error){0};

@@ -8,6 +8,7 @@
 #include "pipeline/finish.h"
 #include "pipeline/ingest.h"
 #include "pipeline/inspect.h"
+#include "pipeline/recut.h"
 #include "pipeline/round.h"
 
 #include <math.h>
@@ -250,9 +251,8 @@ static void recut(forecast *f)
 	const double old = largest_cluster(f);
 	const wh_store from = layout(f, false);
 	const uint32_t clusters = wh_plan_clusters(&f->q->sizes, (uint64_t)f->faces);
-	const size_t need =
-	    wh_round_recut_bytes(&from, clusters, (uint64_t)(0.55 * RESERVE * old),
-	                         (uint64_t)(RESERVE * old), (uint64_t)(0.52 * f->faces));
+	const size_t need = wh_recut_bytes(&from, clusters, (uint64_t)(0.55 * RESERVE * old),
+	                                   (uint64_t)(RESERVE * old), (uint64_t)(0.52 * f->faces));
 	stage(f, WH_PLAN_RECUT, (double)need, busy(f, loaded(f, old) + TOUCHED_RECUT * old));
 	f->cuts++;
 	f->clusters = clusters;

@@ -10,11 +10,12 @@
  * and its cut vertices in their order, to a file, where the pass over the vertices reads them. The
  * memory is one old cluster a worker, a write buffer a new cluster, and a fixed amount of visits.
  */
-#include "pipeline/round.h"
+#include "pipeline/recut.h"
 
 #include "base/sort.h"
 #include "geom/kdtree.h"
 #include "pipeline/dispatch.h"
+#include "pipeline/round.h"
 #include "pipeline/visits.h"
 
 #include <string.h>
@@ -487,16 +488,16 @@ static size_t stage_bytes(uint64_t vertices, uint32_t clusters, size_t buffer)
 	                  wh_dispatch_bytes(clusters, buffer));
 }
 
-size_t wh_round_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
-                            uint64_t max_faces, uint64_t vertices)
+size_t wh_recut_bytes(const wh_store *from, uint32_t clusters, uint64_t max_vertices,
+                      uint64_t max_faces, uint64_t vertices)
 {
 	return always_bytes(from, clusters) +
 	       workspace_bytes(from, clusters, max_vertices, max_faces) +
 	       stage_bytes(vertices, clusters, BUFFER_LEAST);
 }
 
-wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget,
-                           wh_exec *ex, size_t *buffer, size_t *need)
+wh_code wh_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, size_t budget, wh_exec *ex,
+                     size_t *buffer, size_t *need)
 {
 	uint64_t max_v, max_f, faces, vertices;
 	if (wh_round_extent(c, from, &max_v, &max_f, &faces, &vertices) != WH_OK)
@@ -517,8 +518,8 @@ wh_code wh_round_recut_fit(wh_ctx *c, const wh_store *from, uint32_t clusters, s
 	return WH_OK;
 }
 
-wh_code wh_round_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
-                       wh_store *to, const wh_recut_params *params, uint64_t *never_free)
+wh_code wh_recut(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *from,
+                 wh_store *to, const wh_recut_params *params, uint64_t *never_free)
 {
 	describe_store(from, to);
 	recut r = {.from = from, .to = to, .progress = progress, .params = params, .answer_fd = -1};

@@ -121,12 +121,12 @@ static wh_code recut(wh_run *r, const wh_recut_params *params, wh_store *next)
 	wh_recut_params p = *params;
 	wh_exec ex = r->exec;
 	size_t need;
-	if (wh_round_recut_fit(r->c, &r->store, next->clusters, wh_run_budget(r), &ex, &p.buffer,
-	                       &need) != WH_OK)
+	if (wh_recut_fit(r->c, &r->store, next->clusters, wh_run_budget(r), &ex, &p.buffer,
+	                 &need) != WH_OK)
 		return r->c->err.code;
 	wh_run_phase_begin(r);
-	const wh_code code = wh_round_recut(r->c, &ex, &r->progress, &r->store, next, &p,
-	                                    &r->report->never_free_vertices);
+	const wh_code code =
+	    wh_recut(r->c, &ex, &r->progress, &r->store, next, &p, &r->report->never_free_vertices);
 	return wh_run_phase_end(r, WH_PHASE_RECUT, code);
 }
 

@@ -34,6 +34,7 @@
 #include "pipeline/normalise.h"
 #include "pipeline/plan.h"
 #include "pipeline/polish.h"
+#include "pipeline/recut.h"
 #include "pipeline/round.h"
 #include "pipeline/sequence.h"
 #include "pipeline/sift.h"
