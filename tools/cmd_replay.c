@@ -63,14 +63,16 @@ static void print_record(FILE *f, const char *path, const wh_replay_info *i)
 	              path, (unsigned long long)i->faces, (unsigned long long)i->vertices,
 	              (unsigned long long)i->base_faces, (unsigned long long)i->base_vertices,
 	              (unsigned long long)i->splits);
-	(void)fprintf(f, "%llu bytes, %.2f a vertex; error of the base %.6g\n",
-	              (unsigned long long)i->file_bytes,
-	              (double)i->file_bytes / (double)i->vertices, i->base_error);
+	(void)fprintf(
+	    f,
+	    "%llu bytes, %.2f a vertex; the base is off by %.6g, in the unit of the coordinates\n",
+	    (unsigned long long)i->file_bytes, (double)i->file_bytes / (double)i->vertices,
+	    i->base_error);
 }
 
 static void print_level(FILE *f, const replay_options *o, const wh_replay_info *i, double seconds)
 {
-	(void)fprintf(f, "%s: level %llu of %llu, %llu faces, %llu vertices, error %.6g\n",
+	(void)fprintf(f, "%s: level %llu of %llu, %llu faces, %llu vertices, off by %.6g\n",
 	              o->out.path ? o->out.path : o->text, (unsigned long long)i->level,
 	              (unsigned long long)i->splits, (unsigned long long)i->level_faces,
 	              (unsigned long long)i->level_vertices, i->level_error);
@@ -87,6 +89,12 @@ static void print_morph(FILE *f, const replay_options *o, const wh_replay_info *
 	(void)fprintf(f, "%llu faces, %llu vertices, peak memory %.0f MiB\n",
 	              (unsigned long long)i->level_faces, (unsigned long long)i->level_vertices,
 	              (double)cmd_peak_rss() / 1048576.0);
+}
+
+static void print_page(const replay_options *o, const wh_replay_info *i)
+{
+	(void)printf("%s: %llu to %llu faces; open it in a browser\n", o->page,
+	             (unsigned long long)i->base_faces, (unsigned long long)i->level_faces);
 }
 
 /* ---- what is asked for -------------------------------------------------------------------- */
@@ -131,13 +139,19 @@ static wh_code make_page(wh_ctx *c, wh_replay **r, const replay_options *o)
 	const wh_level *l = &o->limits, usual = {.faces = REPLAY_SHOWN};
 	const bool limited = l->faces || l->vertices || l->face_ratio > 0 || l->vertex_ratio > 0 ||
 	                     l->error > 0 || l->error_share > 0;
+	wh_replay_info info;
 	uint64_t level;
 	bool reached;
 	if (wh_replay_find(c, *r, limited ? l : &usual, &level, &reached) != WH_OK ||
 	    wh_replay_seek(c, *r, level) != WH_OK)
 		return c->err.code;
+	wh_replay_tell(*r, &info);
 	wh_replay_close(c, r);
-	return replay_page(c, o, level);
+	if (replay_page(c, o, level) != WH_OK)
+		return c->err.code;
+	if (!o->quiet)
+		print_page(o, &info);
+	return WH_OK;
 }
 
 static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
