@@ -213,10 +213,22 @@ static wh_code put_line(wh_ctx *c, const wh_mesh_out *m, const char *word, const
 	return wh_outfile_write(c, m->out, "\n", 1);
 }
 
-static wh_code open_listed(wh_ctx *c, wh_mesh_listed *list)
+/* Begins a list of lines with `width` numbers, whose type is that of `like`. */
+static wh_code open_listed(wh_ctx *c, wh_mesh_listed *list, const char *word, uint32_t width,
+                           const wh_attribute *like)
 {
+	*list = (wh_mesh_listed){.word = word, .width = width, .wide = like->type != WH_F32};
 	list->recent = wh_calloc(c, WH_MESH_RECENT, sizeof *list->recent);
 	return list->recent ? WH_OK : c->err.code;
+}
+
+static wh_code open_lists(wh_ctx *c, wh_mesh_out *m)
+{
+	const wh_attributes *a = m->style.wedges ? &m->style.wedges->corner : NULL;
+	if (a && a->has_texture && open_listed(c, &m->texcoords, "vt", 2, &a->item[0]) != WH_OK)
+		return c->err.code;
+	return a && a->has_normal ? open_listed(c, &m->normals, "vn", 3, &a->item[a->normal[0]])
+	                          : WH_OK;
 }
 
 static wh_code obj_begin(wh_ctx *c, wh_mesh_out *m)
@@ -224,8 +236,7 @@ static wh_code obj_begin(wh_ctx *c, wh_mesh_out *m)
 	static const char first[] = "# made by whittle\n";
 	const wh_wedges *w = m->style.wedges;
 	const wh_names *l = w ? w->libraries : NULL;
-	if ((w && w->corner.has_texture && open_listed(c, &m->texcoords) != WH_OK) ||
-	    (w && w->corner.has_normal && open_listed(c, &m->normals) != WH_OK) ||
+	if (open_lists(c, m) != WH_OK ||
 	    wh_outfile_write(c, m->out, first, sizeof first - 1) != WH_OK)
 		return c->err.code;
 	for (uint32_t i = 0; l && i < l->n; i++)
@@ -241,10 +252,10 @@ static bool is_at(const wh_mesh_wedge *w, uint32_t vertex, const double v[3])
 }
 
 /* The number of what a corner has of a list, which is written unless it was for one of the last
- * faces that use the vertex: so it stands twice at worst. `n` values, of which the others are 0. */
-static wh_code obj_listed(wh_ctx *c, wh_mesh_out *m, wh_mesh_listed *list, uint32_t vertex,
-                          const double v[3], const char *word, uint32_t n, bool wide,
-                          uint64_t *number)
+ * faces that use the vertex: so it stands twice at worst. Values that the list does not have are 0.
+ */
+static wh_code obj_listed(wh_ctx *c, wh_outfile *out, wh_mesh_listed *list, uint32_t vertex,
+                          const double v[3], uint64_t *number)
 {
 	char text[128], *end = text;
 	/* the wedges of a vertex lie side by side, as far as there are places */
@@ -261,13 +272,13 @@ static wh_code obj_listed(wh_ctx *c, wh_mesh_out *m, wh_mesh_listed *list, uint3
 	*number = ++list->n;
 	if (free)
 		*free = (wh_mesh_wedge){vertex, {v[0], v[1], v[2]}, *number};
-	end += sprintf(end, "%s", word);
-	for (uint32_t k = 0; k < n; k++) {
+	end += sprintf(end, "%s", list->word);
+	for (uint32_t k = 0; k < list->width; k++) {
 		*end++ = ' ';
-		end = wh_print_real(end, wide, v[k]);
+		end = wh_print_real(end, list->wide, v[k]);
 	}
 	*end++ = '\n';
-	return wh_outfile_write(c, m->out, text, (size_t)(end - text));
+	return wh_outfile_write(c, out, text, (size_t)(end - text));
 }
 
 /* Numbers of a corner's texture coordinates and normal; 0: it has none. */
@@ -275,16 +286,14 @@ static wh_code obj_list_corner(wh_ctx *c, wh_mesh_out *m, uint32_t vertex, const
                                uint64_t *texcoord, uint64_t *normal)
 {
 	const wh_wedges *w = m->style.wedges;
-	const wh_attributes *a = &w->corner;
 	double uv[3] = {0}, n[3];
 	*texcoord = 0;
 	*normal = has_normal(m) ? (uint64_t)vertex + 1 : 0;
-	if (wh_wedges_uv(w, corner, uv) && obj_listed(c, m, &m->texcoords, vertex, uv, "vt", 2,
-	                                              a->item[0].type != WH_F32, texcoord) != WH_OK)
+	if (wh_wedges_uv(w, corner, uv) &&
+	    obj_listed(c, m->out, &m->texcoords, vertex, uv, texcoord) != WH_OK)
 		return c->err.code;
 	return wh_wedges_normal(w, corner, n)
-	           ? obj_listed(c, m, &m->normals, vertex, n, "vn", 3,
-	                        a->item[a->normal[0]].type != WH_F32, normal)
+	           ? obj_listed(c, m->out, &m->normals, vertex, n, normal)
 	           : WH_OK;
 }
 

@@ -48,6 +48,9 @@ typedef struct wh_mesh_wedge {
 
 /* What corners of OBJ refer to. */
 typedef struct wh_mesh_listed {
+	const char *word;      /* that its lines begin with, ... */
+	uint32_t width;        /* ... the numbers in them, ... */
+	bool wide;             /* ... and whether those are doubles */
 	uint64_t n;            /* written */
 	wh_mesh_wedge *recent; /* WH_MESH_RECENT of them; NULL: corners have none */
 } wh_mesh_listed;
