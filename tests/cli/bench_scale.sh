@@ -26,9 +26,8 @@ for case in results["cases"]:
                 assert abs(phase["busy_seconds"] - model[0]) < 1e-6, name
                 assert phase["busy_seconds"] <= phase["seconds"] + 1e-6, name
     assert [shared["nodes"] for shared in case["shared"]] == [2, 3]
-    assert "alone" not in case["shared"][0] and not case["shared"][0]["rounds"]
-    assert len(case["shared"][1]["rounds"]) >= 1
     for shared in case["shared"]:
+        assert len(shared["rounds"]) >= 1
         read, written = shared["ingest"]["bytes"]
         # every part goes twice through its faces, and to the vertices of its stretch
         assert read >= case["faces"] * (26 + 12) and written >= case["faces"] * 19
