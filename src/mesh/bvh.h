@@ -119,9 +119,14 @@ void wh_bvh_reader_close(wh_ctx *c, wh_bvh_reader *r);
 size_t wh_bvh_reader_bytes(const wh_bvh *t);
 size_t wh_bvh_slot_bytes(const wh_bvh *t);
 
+/* That page, of a reader that keeps some. */
+const wh_page *wh_bvh_bring(wh_ctx *c, wh_bvh_reader *r, uint32_t page);
 /* A page, which stays until the next page is asked for, by whoever asks this reader.
  * NULL: it could not be read, which is recorded. */
-const wh_page *wh_bvh_page(wh_ctx *c, wh_bvh_reader *r, uint32_t page);
+static inline const wh_page *wh_bvh_page(wh_ctx *c, wh_bvh_reader *r, uint32_t page)
+{
+	return r->slots == 0 ? &r->t->open[page] : wh_bvh_bring(c, r, page);
+}
 
 /* A face of the surface. */
 typedef struct wh_bvh_face {
