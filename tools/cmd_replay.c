@@ -132,6 +132,15 @@ static wh_code make_morph(wh_ctx *c, wh_replay *r, const replay_options *o, uint
 	                 : wh_replay_write_morph(c, r, o->t, &o->out, NULL);
 }
 
+static wh_code refuse_smaller(wh_ctx *c, const replay_options *o, const wh_replay_info *i)
+{
+	return wh_fail(c, WH_E_TARGET,
+	               "'%s' has no fewer than %llu faces, %llu vertices; that base was written: "
+	               "record it with a smaller target",
+	               o->input, (unsigned long long)i->base_faces,
+	               (unsigned long long)i->base_vertices);
+}
+
 /* The page goes up to the level that the limits mean; without any to one that browsers bear. That
  * there is room for it is found out here, and *r is closed. */
 static wh_code make_page(wh_ctx *c, wh_replay **r, const replay_options *o)
@@ -151,7 +160,7 @@ static wh_code make_page(wh_ctx *c, wh_replay **r, const replay_options *o)
 		return c->err.code;
 	if (!o->quiet)
 		print_page(o, &info);
-	return WH_OK;
+	return reached || !limited ? WH_OK : refuse_smaller(c, o, &info);
 }
 
 static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
@@ -179,12 +188,7 @@ static wh_code play(wh_ctx *c, wh_replay *r, const replay_options *o)
 		print_morph(words, o, &info);
 	else if (!o->quiet)
 		print_level(words, o, &info, seconds);
-	return reached ? WH_OK
-	               : wh_fail(c, WH_E_TARGET,
-	                         "'%s' has no fewer than %llu faces, %llu vertices; that base was "
-	                         "written: record it with a smaller target",
-	                         o->input, (unsigned long long)info.base_faces,
-	                         (unsigned long long)info.base_vertices);
+	return reached ? WH_OK : refuse_smaller(c, o, &info);
 }
 
 int cmd_replay(int argc, char **argv)

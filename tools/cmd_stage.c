@@ -28,6 +28,7 @@ static const char help[] =
     "      --memory SIZE, --threads N, --temp-dir DIR   as for reduce; DIR (default:\n"
     "                 $SLURM_TMPDIR, $TMPDIR, the run directory) is for what ingest has\n"
     "                 in hand and may be on the node\n"
+    "  -f, --force    replace what has the name of FILE, or, in finish, of the result\n"
     "  -q, --quiet, --no-progress\n"
     "  -v, --verbose  seconds of each phase, to DIR/log-STAGE-part-I\n"
     "      --report FILE   what the stage took, as JSON; of finish: what the run did\n";
@@ -51,6 +52,7 @@ static const struct option long_options[] = {
     {"threads", required_argument, NULL, OPT_THREADS},
     {"temp-dir", required_argument, NULL, OPT_TEMP},
     {"report", required_argument, NULL, OPT_REPORT},
+    {"force", no_argument, NULL, 'f'},
     {"quiet", no_argument, NULL, 'q'},
     {"verbose", no_argument, NULL, 'v'},
     {"no-progress", no_argument, NULL, OPT_NO_PROGRESS},
@@ -75,7 +77,7 @@ typedef struct stage_options {
 	uint32_t part, parts, round; /* part from 1; 0: not given */
 	size_t memory;
 	int threads; /* -1: not given */
-	bool quiet, verbose, no_progress, help;
+	bool force, quiet, verbose, no_progress, help;
 } stage_options;
 
 static bool parse_number(const char *text, int64_t least, int64_t most, uint32_t *out)
@@ -126,6 +128,8 @@ static bool take_option(stage_options *o, int opt, const char *arg)
 		return cmd_parse_memory(arg, &o->memory);
 	case OPT_NO_PROGRESS:
 		return o->no_progress = true;
+	case 'f':
+		return o->force = true;
 	case 'q':
 		return o->quiet = true;
 	case 'v':
@@ -167,7 +171,7 @@ static int parse(int argc, char **argv, stage_options *o)
 {
 	int opt;
 	opterr = 0;
-	while ((opt = getopt_long(argc, argv, ":qvh", long_options, NULL)) != -1) {
+	while ((opt = getopt_long(argc, argv, ":fqvh", long_options, NULL)) != -1) {
 		if (opt == ':')
 			return cmd_usage_error("stage", "%s needs a value", argv[optind - 1]);
 		if (opt == '?')
@@ -244,6 +248,7 @@ static void merge(const stage_options *o, const places *at, reduce_options *r)
 		p->threads = o->threads;
 	if (o->report || p->stage != WH_STAGE_FINISH)
 		r->report = o->report ? at->report : NULL;
+	p->force = p->force || o->force;
 	r->quiet = o->quiet;
 	r->verbose = o->verbose;
 	r->no_progress = o->no_progress;

@@ -30,47 +30,47 @@ static bool is_taken(const reduce_options *o, const char *name, const char *othe
 }
 
 /* The report may replace an older one when asked to, but neither mesh. */
-static int check_report_name(const reduce_options *o)
+static int check_report_name(const char *command, const reduce_options *o)
 {
 	if (!o->report)
 		return WH_OK;
 	if (is_taken(o, o->report, o->params.seams))
-		return cmd_usage_error("reduce", "--report '%s' is the input or another output",
+		return cmd_usage_error(command, "--report '%s' is the input or another output",
 		                       o->report);
 	struct stat st;
 	if (!o->params.force && stat(o->report, &st) == 0 && S_ISREG(st.st_mode))
-		return cmd_usage_error("reduce", "--report '%s' exists already; -f replaces it",
+		return cmd_usage_error(command, "--report '%s' exists already; -f replaces it",
 		                       o->report);
 	return WH_OK;
 }
 
-static int check_seams_name(const reduce_options *o)
+static int check_seams_name(const char *command, const reduce_options *o)
 {
 	const char *seams = o->params.seams;
 	if (seams && is_taken(o, seams, NULL))
-		return cmd_usage_error("reduce", "--seams '%s' is the input or another output",
+		return cmd_usage_error(command, "--seams '%s' is the input or another output",
 		                       seams);
 	return WH_OK;
 }
 
 /* A run that has come to its end leaves its output, and nothing to go on with. */
-static int check_ended(const reduce_options *o)
+static int check_ended(const char *command, const reduce_options *o)
 {
 	const wh_reduce_params *p = &o->params;
 	struct stat st;
 	if (!p->resume || p->force || wh_spill_is_kept(p->run_dir) || stat(p->output, &st) != 0 ||
 	    !S_ISREG(st.st_mode))
 		return WH_OK;
-	return cmd_usage_error("reduce",
+	return cmd_usage_error(command,
 	                       "nothing to resume in '%s': that run has ended, and '%s' is its "
 	                       "output; -f makes it again",
 	                       p->run_dir, p->output);
 }
 
-static int check_names(const reduce_options *o)
+static int check_names(const char *command, const reduce_options *o)
 {
-	if (check_report_name(o) != WH_OK || check_seams_name(o) != WH_OK ||
-	    check_ended(o) != WH_OK)
+	if (check_report_name(command, o) != WH_OK || check_seams_name(command, o) != WH_OK ||
+	    check_ended(command, o) != WH_OK)
 		return WH_E_USAGE;
 	return reduce_measure_check(o);
 }
@@ -144,11 +144,12 @@ static int tell_rank_failure(const reduce_options *o, const cmd_env *env, const 
 int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 {
 	const bool last = o->params.stage == WH_STAGE_ALL || o->params.stage == WH_STAGE_FINISH;
-	if (last && check_names(o) != WH_OK)
+	const bool reports = o->report && o->params.stage != WH_STAGE_PLAN;
+	if (last ? check_names(name, o) : reports ? check_report_name(name, o) : WH_OK)
 		return WH_E_USAGE;
 	cmd_env env;
 	cmd_env_init(&env, name);
-	if (last && o->report && reduce_report_try(&env, o->report, o->params.force) != 0)
+	if (reports && reduce_report_try(&env, o->report, o->params.force) != 0)
 		return WH_E_RUN;
 	progress_bar bar;
 	listen(o, &bar);
@@ -178,7 +179,7 @@ int reduce_run(const char *name, reduce_options *o, int argc, char **argv)
 int reduce_run_rank(reduce_options *o, int argc, char **argv)
 {
 	cmd_env env;
-	if (check_names(o) != WH_OK)
+	if (check_names("reduce", o) != WH_OK)
 		return WH_E_USAGE;
 	cmd_env_init(&env, "reduce");
 	cmd_stop_on_usr1();

@@ -188,6 +188,8 @@ static int check_morph(const char *name, const replay_options *o)
 		                             "of the two");
 	if (towards && !o->geomorph && !o->frames)
 		return cmd_usage_error(name, "--towards needs --geomorph T or --frames N");
+	if (o->page && wh_outfile_same(o->page, o->input))
+		return cmd_usage_error(name, "--page '%s' is the record itself", o->page);
 	if (o->page && (o->out.path || o->text || o->geomorph || o->frames))
 		return cmd_usage_error(name, "--page has all levels and morphs on it: leave out "
 		                             "-o, --text, --geomorph and --frames");

@@ -63,6 +63,7 @@ for wrong in "--geomorph 1.5" "--geomorph nan" "--geomorph -1" "--frames 1" "--f
 done
 expect 2 "$w" replay a.pmesh -o - --frames 3
 expect 2 "$w" replay a.pmesh -o x.ply --page x.html
+expect 2 "$w" replay a.pmesh --page a.pmesh -f
 expect 2 "$w" replay a.pmesh --geomorph 0.5
 expect 4 "$w" replay a.pmesh -o less.ply --faces 8000 --towards 10 --geomorph 1 -f
 if "$w" render few.ply -o few.png --size 90x60 -q 2>err; then

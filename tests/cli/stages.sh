@@ -152,7 +152,15 @@ plan in.ply 2 --faces 20K
 # its half of 100 K or 70 K faces of 13 bytes, which it reads twice, with their vertices and the sample
 bytes=$(grep -A 20 '"ingest": {' elsewhere/part.json | grep -o '"bytes_read": [0-9]*' | cut -d' ' -f2)
 [ "${bytes:-0}" -gt $((${faces%K} * 13000)) ] || fail "report of a part: $(cat elsewhere/part.json)"
-stage ingest --run-dir run --part 2 --temp-dir elsewhere -v
+before=$(cksum <in.ply)
+for taken in in.ply staged.ply elsewhere/part.json; do
+	expect 2 "$WHITTLE" stage ingest --run-dir run --part 2 --report $taken
+done
+expect 2 "$WHITTLE" stage ingest --run-dir run --part 2 --report in.ply -f
+[ "$before" = "$(cksum <in.ply)" ] || fail "the input was written over"
+expect 1 "$WHITTLE" stage ingest --run-dir run --part 2 --report nowhere/part.json
+[ "$(wc -l <err)" -eq 1 ] || fail "a report without a folder: $(cat err)"
+stage ingest --run-dir run --part 2 --temp-dir elsewhere -v --report elsewhere/part.json -f
 grep -q 'ingest .* s' run/log-ingest-part-00001 || fail "no log: $(ls run)"
 stage join --run-dir run
 stage decimate --run-dir run --part 1/2 --round 1
