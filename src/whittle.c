@@ -13,6 +13,7 @@
 
 #include "base/timer.h"
 #include "exec/topo.h"
+#include "io/outfile.h"
 #include "io/rply_read.h"
 #include "pipeline/skins.h"
 #include "run/run.h"
@@ -217,13 +218,18 @@ static wh_code sensible_levels(wh_ctx *c, const wh_reduce_params *p)
 		if (!is_sensible(l))
 			return wh_fail(c, WH_E_USAGE, "level %zu has no limit, or no file to go to",
 			               i + 1);
-		bool twice = p->output && strcmp(l->output, p->output) == 0;
+		bool twice =
+		    (p->output && wh_outfile_same(l->output, p->output)) ||
+		    (p->seams && wh_outfile_same(l->output, p->seams)) ||
+		    (!wh_ply_is_read_once(p->input) && wh_outfile_same(l->output, p->input));
 		for (size_t k = 0; k < i; k++)
-			twice = twice || strcmp(l->output, p->level[k].output) == 0;
-		if (twice || (p->seams && strcmp(l->output, p->seams) == 0) ||
-		    strcmp(l->output, p->input) == 0)
-			return wh_fail(c, WH_E_USAGE,
-			               "'%s' is the output of two levels, or the input", l->output);
+			twice = twice || wh_outfile_same(l->output, p->level[k].output);
+		if (twice)
+			return wh_fail(
+			    c, WH_E_USAGE,
+			    "'%s' is the output of two levels, the input, or the list of "
+			    "cut vertices",
+			    l->output);
 	}
 	return WH_OK;
 }

@@ -156,7 +156,7 @@ typedef struct wh_reduce_params {
 	uint64_t cluster_faces; /* faces of a cluster, at most 100 M; 0: one cluster */
 	uint64_t micro_faces;   /* faces of a micro-cluster, at most 100 M; 0: none */
 	uint64_t final_faces;   /* with no more than this, the last pass is over all in memory;
-	                           else the result is streamed; 0: two clusters' */
+	                           else the result is streamed; 0: two clusters', 64 Ki at least */
 	double round_keep;      /* share of the faces that a round leaves at least, below 0.9; 0: as
 	                           few as it can */
 

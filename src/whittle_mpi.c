@@ -173,6 +173,7 @@ wh_code wh_reduce_mpi(wh_ctx *c, const wh_reduce_params *params, wh_reduce_repor
 	const double start = wh_seconds();
 	job j = {.c = c, .params = *params, .report = report};
 	*report = (wh_reduce_report){0};
+	c->err = (wh_error){0};
 	if (wh_run_needs_files(c, params) != WH_OK)
 		return c->err.code;
 	char *dir = params->run_dir ? NULL : run_dir_of(c, params);

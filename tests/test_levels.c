@@ -280,7 +280,7 @@ static void levels_that_make_no_sense_are_refused(void **state)
 	l.level[1].output = l.path[3];
 	refused(&l, "is the output of two levels");
 	l.level[1].output = l.f.in;
-	refused(&l, "or the input");
+	refused(&l, "the input, or the list");
 	l.level[1] = (wh_level){.output = l.path[1]};
 	refused(&l, "level 2 has no limit");
 	l.level[1] = (wh_level){.faces = 10};

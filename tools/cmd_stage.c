@@ -196,7 +196,7 @@ static int parse(int argc, char **argv, stage_options *o)
 	return WH_OK;
 }
 
-/* The name of a folder from anywhere; it is made where it does not exist. */
+/* The name of a folder, which exists, from anywhere. */
 static wh_code resolve(wh_ctx *c, const char *name, char path[PATH_MAX])
 {
 	if (!realpath(name, path))

@@ -359,6 +359,10 @@ static const char *expected(int opt)
 		return "ply, obj, off or stl";
 	case OPT_MICRO:
 		return "0 or a count from 100 to 100M";
+	case OPT_SMOOTH:
+		return "a count from 1 to 1000";
+	case OPT_ROUND_KEEP:
+		return "a share from 0 to below 0.9";
 	default:
 		return "a count above 0";
 	}

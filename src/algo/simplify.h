@@ -80,7 +80,7 @@ typedef struct wh_simplify_result {
  * distance of the vertex made. */
 void wh_simplify_result_note(wh_simplify_result *r, double cost, double weight, double err);
 
-/* Adds what another run did: sums and extremes. `exhausted` and `fixed` stay. */
+/* Adds what another run did: sums and extremes. `exhausted`, `fixed` and `border` stay. */
 void wh_simplify_result_add(wh_simplify_result *sum, const wh_simplify_result *one);
 
 typedef struct wh_simplify_workspace wh_simplify_workspace;

@@ -162,7 +162,7 @@ static wh_code take_out(wh_ctx *c, wh_cluster_workspace *w, const wh_patch *p, u
 	wh_patch *m = &w->micro;
 	m->attr_bytes = p->attr_bytes;
 	m->face_bytes = p->face_bytes;
-	/* a vertex a face in the worst case; a little more than half in practice */
+	/* three a face in the worst case; a little more than half a one in practice */
 	if (wh_patch_reset(c, m, 3 * nf < p->nv ? 3 * nf : p->nv, nf) != WH_OK)
 		return c->err.code;
 	const uint32_t *from = &w->tri[3 * (size_t)w->start[k]];
@@ -275,6 +275,7 @@ wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p,
 	wh_simplify_result_add(result, &last);
 	result->fixed = last.fixed;
 	result->exhausted = last.exhausted;
+	result->border = last.border;
 	return WH_OK;
 }
 

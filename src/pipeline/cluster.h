@@ -13,7 +13,8 @@
 typedef struct wh_cluster_params {
 	uint32_t micro_faces;   /* faces of a micro-cluster, about; 0: none */
 	double micro_cost;      /* cost limit inside micro-clusters */
-	wh_simplify_params all; /* of the pass over the whole cluster; no target counts */
+	wh_simplify_params all; /* of the pass over the whole cluster; with a target all is left
+	                           to that pass */
 } wh_cluster_params;
 
 typedef struct wh_cluster_workspace wh_cluster_workspace;
@@ -24,7 +25,8 @@ void wh_cluster_workspace_free(wh_ctx *c, wh_cluster_workspace *w);
 /* Bytes that reducing (or surveying) a cluster of these measures takes, the patch included. */
 size_t wh_cluster_bytes(uint64_t nv, uint64_t nf, uint32_t attr_bytes, uint32_t face_bytes);
 
-/* Reduces p in place. The result is that of the last pass, with the extremes of all. */
+/* Reduces p in place. The result has the sums and extremes of all passes; what was found of
+ * vertices, and whether more could be done, is the last one's. */
 wh_code wh_cluster_reduce(wh_ctx *c, wh_cluster_workspace *w, wh_patch *p,
                           const wh_cluster_params *params, wh_simplify_result *result);
 

@@ -1,5 +1,5 @@
 /*
- * finish: all clusters in memory, stitched; the last collapses in global order; the output.
+ * finish: all clusters in memory, stitched; and, when the last pass is done, the output.
  */
 #ifndef WH_PIPELINE_FINISH_H
 #define WH_PIPELINE_FINISH_H

@@ -40,7 +40,7 @@ typedef struct wh_ingest_share {
 	uint32_t part, parts;
 } wh_ingest_share;
 
-/* Only `clusters` decides what is in the files; the others, how much memory it takes. */
+/* `clusters` and `share` decide what is in the files; the others, how much memory it takes. */
 typedef struct wh_ingest_params {
 	uint32_t clusters; /* 1 .. WH_MAX_CLUSTERS */
 	size_t buffer;     /* bytes of write buffer a cluster */

@@ -39,7 +39,8 @@ typedef struct workspace {
 	wh_patch patch;
 	uint16_t *home; /* per vertex: the new cell it lies in */
 	uint16_t *cell; /* per face: its new cluster */
-	uint32_t *user; /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL */
+	uint32_t *user; /* per vertex: the one new cluster that uses it, WH_NONE, or SEVERAL; then
+	                 * the records up to and with its own */
 	uint64_t *list; /* visits, or answers */
 	size_t cap_home, cap_cell, cap_user, cap_list, n_list;
 	wh_parcel out;
@@ -329,7 +330,7 @@ static wh_code list_users(wh_ctx *c, workspace *ws)
 	return WH_OK;
 }
 
-/* Adds vertex v once for every cluster that uses it; *at: the first of h->list that is not its. */
+/* Adds vertex v once for every cluster that uses it; *at: the first of ws->list that is not its. */
 static void add_vertex(workspace *ws, uint32_t v, size_t *at)
 {
 	if (ws->user[v] != SEVERAL)

@@ -21,8 +21,8 @@ typedef struct wh_round_result {
 void wh_round_result_add(wh_round_result *sum, const wh_round_result *one);
 
 /*
- * Fits a survey to a share of all pieces of the store (fixed places, at most one in 64 and no
- * fewer than four): the log of what collapses cost and the number of vertices it is out of.
+ * Fits a survey to a share of all pieces of the store (fixed places, one in 64, but four at
+ * least): the log of what collapses cost and the number of vertices it is out of.
  */
 wh_code wh_round_survey(wh_ctx *c, const wh_exec *ex, wh_progress *progress, const wh_store *store,
                         uint32_t piece_faces, const wh_simplify_params *params, wh_survey *survey);

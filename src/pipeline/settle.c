@@ -170,12 +170,14 @@ static wh_code trial_job(wh_ctx *c, void *arg, int64_t index, int worker)
 /* ---- in earnest --------------------------------------------------------------------------- */
 
 /* As on trial, up to the cluster's share. Where faces carry something, collapses cannot be done
- * again from two vertices alone: they are found again, which gives the same ones. */
+ * again from two vertices alone: they are found again, which gives the same ones. The topology
+ * stays, as it does where there is a sink. */
 static wh_code find_again(wh_ctx *c, const settle *s, wh_round_workspace *ws, uint32_t k,
                           wh_simplify_result *done)
 {
 	wh_rerun_file name;
 	wh_cluster_params p = {.all = s->params->all};
+	p.all.free_topology = false;
 	p.all.most_faces = s->share[k].faces;
 	p.all.most_collapses = s->share[k].vertices;
 	*done = (wh_simplify_result){0};

@@ -7,7 +7,7 @@
  *
  *     folder                       when it appears            when it goes
  *     manifest                     first, then at each step   last
- *     round G-K                    cluster K is whole         the next store is, in the manifest
+ *     roundG-K                     cluster K is whole         the next store is, in the manifest
  *     collapses-K                  the trial of cluster K is  its cluster is settled
  *     step-N                       step N begins              it is in the manifest
  *     cuts                         ingest, for --seams        last

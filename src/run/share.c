@@ -65,7 +65,11 @@ static void list_parts(const bool *missing, uint32_t n, char *text, size_t room)
 {
 	size_t used = strlen(text);
 	const size_t begin = used;
-	for (uint32_t i = 0, end; i < n && used + 32 < room; i = end) {
+	for (uint32_t i = 0, end; i < n; i = end) {
+		if (used + 32 >= room) {
+			(void)snprintf(text + used, room - used, ", ...");
+			return;
+		}
 		for (end = i + 1; end < n && missing[end] == missing[i]; end++)
 			;
 		if (!missing[i])

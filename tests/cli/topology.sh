@@ -70,5 +70,45 @@ grep -q '"nonmanifold_vertices_split": 2[0-9]' split.json || fail "split: $(grep
 [[ "$(look open.ply)" == "faces=6 components=3 "*" nonmanifold_edges=0 nonmanifold_vertices=0" ]] ||
 	fail "a book: $(look open.ply)"
 
+# A sphere with a boundary where only some clusters have one (cap), or in all of them, with a value
+# at each face (holes), streamed: a count that is odd, and the topology as it was in the last round.
+cat >sphere.py <<'E3'
+import math, random, sys
+random.seed(1)
+n, m = 80, 120
+v = [(0, 0, 1)]
+for i in range(1, n):
+    for j in range(m):
+        a, b = math.pi * i / n, 2 * math.pi * j / m
+        r = 1 + 0.02 * math.sin(9 * a) * math.cos(7 * b) + 0.003 * random.random()
+        v.append((r * math.sin(a) * math.cos(b), r * math.sin(a) * math.sin(b), r * math.cos(a)))
+v.append((0, 0, -1))
+at = lambda i, j: 1 + (i - 1) * m + j % m
+f = []
+for j in range(m):
+    f += [(0, at(1, j), at(1, j + 1)), (len(v) - 1, at(n - 1, j + 1), at(n - 1, j))]
+    for i in range(1, n - 1):
+        f += [(at(i, j), at(i + 1, j), at(i + 1, j + 1)), (at(i, j), at(i + 1, j + 1), at(i, j + 1))]
+cap = sys.argv[1] == "cap"
+f = [t for t in f if (sum(sum(v[i]) for i in t) < 4.5 if cap else random.random() > 0.03)]
+print("ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z" % len(v))
+print("element face %d\nproperty list uchar int vertex_indices" % len(f))
+print("end_header" if cap else "property float heat\nend_header")
+print("\n".join(" ".join("%.6g" % x for x in p) for p in v))
+print("\n".join("3 " + " ".join(map(str, t)) + ("" if cap else " 1") for t in f))
+E3
+python3 sphere.py cap >cap.ply
+python3 sphere.py holes >holes.ply
+small="-q -f --micro-faces 0 --threads 2"
+# shellcheck disable=SC2086
+expect 0 "$WHITTLE" reduce cap.ply -o odd.ply --faces 6001 --cluster-faces 2000 --final-faces 2000 $small
+grep -qa '^element face 6001$' odd.ply || fail "an odd count of a mesh with a boundary: $(grep -a face odd.ply)"
+for faces in 3000 3001; do
+	# shellcheck disable=SC2086
+	expect 0 "$WHITTLE" reduce holes.ply -o whole.ply --faces $faces --topology simplify \
+		--cluster-faces 1000 --final-faces 1000 $small
+	grep -qa "^element face $faces$" whole.ply || fail "$faces with values at faces: $(grep -a face whole.ply)"
+done
+
 [ $failures -eq 0 ] || exit 1
 echo "topology: ok"
