@@ -281,6 +281,10 @@ static void levels_that_make_no_sense_are_refused(void **state)
 	refused(&l, "is the output of two levels");
 	l.level[1].output = l.f.in;
 	refused(&l, "the input, or the list");
+	char again[4096]; /* by another name */
+	(void)snprintf(again, sizeof again, "/.%s", l.f.in);
+	l.level[1].output = again;
+	refused(&l, "the input, or the list");
 	l.level[1] = (wh_level){.output = l.path[1]};
 	refused(&l, "level 2 has no limit");
 	l.level[1] = (wh_level){.faces = 10};
