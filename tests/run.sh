@@ -13,7 +13,7 @@ builds=(release release-clang debug tsan plain)
 
 # What runs in a build that does not run everything: tests in which threads meet, and tests
 # that show the command whole without threads and hwloc.
-threads='exec|bvh|test_compare|ingest|inspect|reduce|round|ply_body|ply_source|synth|store|check$'
+threads='exec|bvh|test_compare|ingest|inspect|test_reduce|round|ply_body|ply_source|synth|store|check$'
 plain='cli_(reduce|check|generate|report)$'
 # Sanitizers: all but what has no code of ours in it, asks for memory as it is without them, or is
 # long and has its parts in other tests.
