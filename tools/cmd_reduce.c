@@ -67,8 +67,8 @@ static const char help[] =
     "  -v, --verbose         seconds of each phase\n"
     "Sizes that decide the result's bytes, as memory and threads never do:\n"
     "      --cluster-faces N (131072; 0: all one), --micro-faces N (16384; 0: none)\n"
-    "      --final-faces N   (2 clusters') from which the last pass may be over all\n"
-    "                        at once; above, it goes cluster by cluster\n"
+    "      --final-faces N   (2 clusters', 64 Ki at least) up to which the last pass is\n"
+    "                        over all at once; above, it goes cluster by cluster\n"
     "      --round-keep R    (0: as few as it can) share of the faces that a round leaves at\n"
     "                        least: 0.5 makes more rounds, and each of even quality\n";
 

@@ -99,29 +99,36 @@ static double difference(double a, double b)
 	return isfinite(d) ? d : 0;
 }
 
+/* Values of the neighbours of v; none where no face is. */
+static void gather_values(const wh_engine *e, uint32_t v, uint32_t faces, const part *p, wh_row *to)
+{
+	const wh_star *s = &e->w->star[v];
+	const uint32_t *ring = wh_ring(e, v);
+	const double own = value_of(p, wh_patch_attr(e->p, v));
+	for (uint32_t i = 0; i <= faces && faces; i++) {
+		const uint8_t *record = wh_patch_attr(e->p, ring[i < s->n ? i : 0]);
+		to->at[i] = difference(value_of(p, record), own);
+	}
+	for (uint32_t i = faces + 1; i <= faces + WH_LANES && i < WH_ROW; i++)
+		to->at[i] = 0;
+}
+
 /* Takes out what is around v; returns the number of its faces. */
 static uint32_t gather(const wh_engine *e, uint32_t v, round_vertex *r)
 {
 	const struct wh_gradients *g = e->w->gradients;
 	const wh_star *s = &e->w->star[v];
 	const uint32_t *ring = wh_ring(e, v), faces = s->n ? s->n - !s->closed : 0;
-	const uint8_t *own = wh_patch_attr(e->p, v);
 	for (uint32_t i = 0; i <= faces && faces; i++) {
-		const uint32_t id = ring[i < s->n ? i : 0];
-		const uint8_t *record = wh_patch_attr(e->p, id);
-		const wh_vec3 to = wh_sub(e->w->star[id].pos, s->pos);
+		const wh_vec3 at = e->w->star[ring[i < s->n ? i : 0]].pos, to = wh_sub(at, s->pos);
 		r->to.x.at[i] = to.x;
 		r->to.y.at[i] = to.y;
 		r->to.z.at[i] = to.z;
-		for (uint32_t k = 0; k < g->numbers; k++)
-			r->value[k].at[i] = difference(value_of(&g->number[k], record),
-			                               value_of(&g->number[k], own));
 	}
-	for (uint32_t i = faces + 1; i <= faces + WH_LANES && i < WH_ROW; i++) {
+	for (uint32_t i = faces + 1; i <= faces + WH_LANES && i < WH_ROW; i++)
 		r->to.x.at[i] = r->to.y.at[i] = r->to.z.at[i] = 0;
-		for (uint32_t k = 0; k < g->numbers; k++)
-			r->value[k].at[i] = 0;
-	}
+	for (uint32_t k = 0; k < g->numbers; k++)
+		gather_values(e, v, faces, &g->number[k], &r->value[k]);
 	return faces;
 }
 
@@ -207,6 +214,7 @@ static void sum_around(const wh_engine *e, uint32_t v, double *sum)
 		kept[j] = (float)sum[j];
 }
 
+/* The sums of v, as they are kept: whoever asks first gets the same as all others. */
 static void find_sum(const wh_engine *e, uint32_t v, double *sum)
 {
 	const struct wh_gradients *g = e->w->gradients;
@@ -371,7 +379,7 @@ void wh_gradients_free(wh_ctx *c, struct wh_gradients *g)
 	wh_free(c, g);
 }
 
-/* Room for n numbers and labels in all, and for what is around two vertices. */
+/* Room for n numbers and labels in all, for what is around a vertex, and for all sums. */
 static wh_code make_room(wh_ctx *c, struct wh_gradients *g, uint32_t n, uint32_t nv)
 {
 	if (wh_reserve(c, &g->number, &g->cap, n, sizeof *g->number) != WH_OK ||
